@@ -1,0 +1,31 @@
+"""The exceptions of ssiam: everything it raises on purpose, `ValueError` for arguments aside."""
+
+from __future__ import annotations
+
+
+class SsiamError(Exception):
+    """Base of all exceptions of this package; its text is one line written for the user."""
+
+
+class WeightsError(SsiamError):
+    """Weights that are missing, damaged or made for another network."""
+
+
+class SourceError(SsiamError):
+    """A video source that cannot be opened, or that is not what its name promises."""
+
+
+class StreamError(SsiamError):
+    """A source that broke off after it had delivered frames; what came before is valid."""
+
+
+class SinkError(SsiamError):
+    """An output that cannot be written."""
+
+
+class FrameSizeError(SsiamError):
+    """A frame whose size differs from the frames before it."""
+
+
+class MissingExtraError(SsiamError):
+    """A feature whose optional dependency is not installed."""

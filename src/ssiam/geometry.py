@@ -1,0 +1,150 @@
+"""Boxes, corners and masks, and their way through 3×3 transforms.
+
+One convention for the whole package: pixels, x right, y down, 0-based; angles in radians,
+positive = clockwise on screen (x towards y). A transform is a (3, 3) float64 array named
+``to_from_from``: ``stab_from_raw @ (x, y, 1)`` takes a raw-frame point to the steadied frame.
+Boxes carry their layout in their name: ``xywh`` (left, top, width, height), ``corners`` (4, 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Transform: TypeAlias = NDArray[np.float64]
+Points: TypeAlias = NDArray[np.float64]
+Image: TypeAlias = NDArray[np.uint8]
+XYWH: TypeAlias = tuple[float, float, float, float]
+
+IDENTITY: Transform = np.eye(3)
+IDENTITY.flags.writeable = False
+
+
+def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
+    """Rotation by `angle` about `centre_xy`, followed by the shift (dx, dy).
+
+    Eq. 7 of the paper with its sign misprint mended. `dx`, `dy` in pixels, `angle` in radians.
+    """
+    cos, sin = np.cos(angle), np.sin(angle)
+    cx, cy = centre_xy
+    return np.array(
+        [
+            [cos, -sin, cx - cos * cx + sin * cy + dx],
+            [sin, cos, cy - sin * cx - cos * cy + dy],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def rigid_parameters(
+    to_from_from: Transform, centre_xy: Sequence[float]
+) -> tuple[float, float, float]:
+    """(dx, dy, angle) of a transform at `centre_xy`: the inverse of `rigid`, eq. 4 of the paper.
+
+    The shift is that of the centre itself. At the image origin a roll of half a degree would
+    show up as several pixels of shift in the middle of the picture.
+    """
+    centre = np.array([[centre_xy[0], centre_xy[1]]], dtype=np.float64)
+    dx, dy = (map_points(to_from_from, centre) - centre)[0]
+    return float(dx), float(dy), float(np.arctan2(to_from_from[1, 0], to_from_from[0, 0]))
+
+
+def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:
+    """Centre of a frame of (width, height) pixels, in pixel coordinates (pixel centres)."""
+    return (size_wh[0] - 1) / 2, (size_wh[1] - 1) / 2
+
+
+def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
+    """Points (N, 2) taken through a transform; float64, homogeneous division included."""
+    xy = np.asarray(points, dtype=np.float64)
+    mapped = xy @ to_from_from[:2, :2].T + to_from_from[:2, 2]
+    weight = xy @ to_from_from[2, :2] + to_from_from[2, 2]
+    return np.asarray(mapped / weight[..., None], dtype=np.float64)
+
+
+def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
+    """Upright box that follows a transform: its centre is mapped, its sides keep their length.
+
+    Sides are scaled by the transform's local zoom (1 for a rigid one), so that there and back is
+    the identity; the bounding box of the turned corners would grow at every step.
+    """
+    x, y, w, h = xywh
+    centre = np.array([[x + w / 2, y + h / 2]])
+    cx, cy = map_points(to_from_from, centre)[0]
+    zoom = local_zoom(to_from_from, centre[0])
+    return (
+        float(cx - w * zoom / 2),
+        float(cy - h * zoom / 2),
+        float(w * zoom),
+        float(h * zoom),
+    )
+
+
+def local_zoom(to_from_from: Transform, point_xy: ArrayLike) -> float:
+    """Square root of the area that a unit square at `point_xy` covers after the transform."""
+    x, y = np.asarray(point_xy, dtype=np.float64)
+    weight = to_from_from[2] @ (x, y, 1.0)
+    return float(np.sqrt(abs(np.linalg.det(to_from_from) / weight**3)))
+
+
+def map_mask(to_from_from: Transform, mask: NDArray[np.bool_], size_wh: tuple[int, int]) -> Any:
+    """Mask (H, W) bool seen in the target frame of (width, height) pixels; nearest pixel."""
+    warped = cv2.warpPerspective(
+        mask.astype(np.uint8), to_from_from, size_wh, flags=cv2.INTER_NEAREST
+    )
+    return warped.astype(np.bool_)
+
+
+def corners_from_xywh(xywh: Sequence[float]) -> Points:
+    """Corners (4, 2) of an upright box: top left, top right, bottom right, bottom left."""
+    x, y, w, h = xywh
+    return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]], dtype=np.float64)
+
+
+def xywh_from_corners(corners: ArrayLike) -> XYWH:
+    """Upright box around corners (N, 2)."""
+    xy = np.asarray(corners, dtype=np.float64)
+    (left, top), (right, bottom) = xy.min(axis=0), xy.max(axis=0)
+    return float(left), float(top), float(right - left), float(bottom - top)
+
+
+def area_preserving_xywh(corners: ArrayLike) -> XYWH:
+    """Upright box of a rotated one's centre and area, by which VOT trackers are initialised.
+
+    The box is returned so that its pixel centre ``x + (w - 1) / 2`` is the mean of the corners,
+    as the reference trackers read it.
+    """
+    xy = np.asarray(corners, dtype=np.float64).reshape(4, 2)
+    cx, cy = xy.mean(axis=0)
+    span_w, span_h = xy.max(axis=0) - xy.min(axis=0)
+    area = np.linalg.norm(xy[0] - xy[1]) * np.linalg.norm(xy[1] - xy[2])
+    shrink = np.sqrt(area / (span_w * span_h))
+    w, h = shrink * span_w + 1, shrink * span_h + 1
+    return float(cx - (w - 1) / 2), float(cy - (h - 1) / 2), float(w), float(h)
+
+
+def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
+    """The box as four floats, or `ValueError` that says what is wrong with it.
+
+    A usable box is finite, at least one pixel in both directions, and overlaps the frame of
+    `size_wh` = (width, height) pixels.
+    """
+    values = tuple(float(v) for v in xywh)
+    if len(values) != 4:
+        raise ValueError(f"box {values} has {len(values)} numbers, not x, y, width, height")
+    x, y, w, h = values
+    if not np.isfinite(values).all():
+        raise ValueError(f"box {values} holds a number that is not finite")
+    if w < 1 or h < 1:
+        raise ValueError(
+            f"box {values} is empty: width and height must be at least 1 pixel "
+            "(x, y is the top left corner)"
+        )
+    width, height = size_wh
+    if x >= width or y >= height or x + w <= 0 or y + h <= 0:
+        raise ValueError(f"box {values} lies outside of the frame of {width}x{height} pixels")
+    return x, y, w, h

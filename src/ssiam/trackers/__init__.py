@@ -1,0 +1,5 @@
+"""The trackers, and the steadied one that carries them."""
+
+from ssiam.trackers.track import Track
+
+__all__ = ["Track"]

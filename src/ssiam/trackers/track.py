@@ -1,0 +1,51 @@
+"""`Track`: where a tracker believes its target to be in one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import XYWH, Points, Transform, map_box, map_mask, map_points
+from ssiam.motion import Motion
+
+
+@dataclass(frozen=True)
+class Track:
+    """The target in one frame.
+
+    Attributes
+    ----------
+    box : (x, y, w, h) floats
+        Upright box, raw-frame pixels, 0-based.
+    score : float
+        0..1, how much the tracker believes in the box.
+    lost : bool
+        The tracker does not believe its own box.
+    corners : (4, 2) float64 or None
+        Rotated box of the mask trackers, raw-frame pixels.
+    mask : (H, W) bool or None
+        The target's pixels, for the mask trackers.
+    motion : Motion or None
+        The camera's motion to this frame; None with ``stabilize="off"``.
+    stab_from_raw : (3, 3) float64 or None
+        The steadying of this frame, M_t of eq. 7; None with ``stabilize="off"``.
+    """
+
+    box: XYWH
+    score: float = 1.0
+    lost: bool = False
+    corners: Points | None = None
+    mask: NDArray[np.bool_] | None = None
+    motion: Motion | None = None
+    stab_from_raw: Transform | None = None
+
+    def mapped(self, to_from_from: Transform, size_wh: tuple[int, int]) -> Track:
+        """The same target seen in another frame of (width, height) pixels (eq. 9)."""
+        return replace(
+            self,
+            box=map_box(to_from_from, self.box),
+            corners=None if self.corners is None else map_points(to_from_from, self.corners),
+            mask=None if self.mask is None else map_mask(to_from_from, self.mask, size_wh),
+        )
