@@ -1,6 +1,41 @@
-"""Keep hold of a chosen object in video from a shaking, moving camera."""
+"""Keep hold of a chosen object in video from a shaking, moving camera.
 
-from ssiam.motion import Motion
-from ssiam.trackers import Track
+The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera's
+motion, steady the frame, run an unchanged tracker on the steadied view, map the result back.
 
-__all__ = ["Motion", "Track"]
+    tracker = ssiam.load_tracker()
+    tracker.init(frame, (x, y, w, h))
+    track = tracker.update(next_frame)
+"""
+
+from ssiam.errors import (
+    FrameSizeError,
+    MissingExtraError,
+    SinkError,
+    SourceError,
+    SsiamError,
+    StreamError,
+    WeightsError,
+)
+from ssiam.motion import CameraMotion, Motion
+from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
+from ssiam.trackers import TRACKERS, SteadiedTracker, Track, load_tracker
+
+__all__ = [
+    "TRACKERS",
+    "CameraMotion",
+    "FrameSizeError",
+    "FrameView",
+    "MissingExtraError",
+    "Motion",
+    "SinkError",
+    "SourceError",
+    "SsiamError",
+    "Stabilizer",
+    "StabilizerConfig",
+    "SteadiedTracker",
+    "StreamError",
+    "Track",
+    "WeightsError",
+    "load_tracker",
+]

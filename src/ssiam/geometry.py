@@ -148,3 +148,12 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
         raise ValueError(f"box {values} lies outside of the frame of {width}x{height} pixels")
     return x, y, w, h
+
+
+def check_frame(frame: Image) -> None:
+    """Raise `ValueError` unless the frame is a non-empty (H, W, 3) uint8 array."""
+    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
+        form = f"{frame.shape} {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame)
+        raise ValueError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
+    if frame.shape[2] != 3 or frame.size == 0:
+        raise ValueError(f"a frame has 3 channels and some pixels, not the shape {frame.shape}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid_parameters
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Camera motion from the previous frame to this one.
 

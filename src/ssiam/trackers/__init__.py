@@ -1,5 +1,16 @@
 """The trackers, and the steadied one that carries them."""
 
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.catalogue import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
+from ssiam.trackers.steadied import SteadiedTracker
 from ssiam.trackers.track import Track
 
-__all__ = ["Track"]
+__all__ = [
+    "DEFAULT_TRACKER",
+    "TRACKERS",
+    "SteadiedTracker",
+    "Track",
+    "TrackerName",
+    "ViewTracker",
+    "load_tracker",
+]

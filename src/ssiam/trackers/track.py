@@ -11,7 +11,7 @@ from ssiam.geometry import XYWH, Points, Transform, map_box, map_mask, map_point
 from ssiam.motion import Motion
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
     """The target in one frame.
 

@@ -1,0 +1,89 @@
+"""Keypoint generators: the five that the paper compares (Table 2), strongest point first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import Image
+
+KeypointName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
+Keypoints: TypeAlias = NDArray[np.float32]
+KeypointGenerator: TypeAlias = Callable[[Image, Image | None], Keypoints]
+
+_ORB_POINTS = 500
+_ORB_LEVELS = 3  # flow needs places, not scales: 3 levels of 1.5 cost a quarter of 8 of 1.2
+_ORB_SCALE = 1.5
+_GFTT_POINTS = 200
+_GFTT_QUALITY = 0.01  # share of the strongest corner's response
+_GFTT_DISTANCE = 10.0  # px between points
+_BRISK_THRESHOLD = 40  # grey levels
+_CELLS_XY = (16, 12)  # at most one point in each cell of the frame
+
+
+def keypoint_generator(name: KeypointName) -> KeypointGenerator:
+    """Generator of keypoints by its name in Table 2 of the paper.
+
+    Called with a grey frame (H, W) uint8 and a mask (H, W) uint8 or None (points only where it
+    is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first.
+    """
+    match name:
+        case "orb":
+            return _detector(cv2.ORB.create(_ORB_POINTS, _ORB_SCALE, _ORB_LEVELS))
+        case "brisk":
+            return _detector(_brisk())
+        case "mser":
+            return _detector(cv2.MSER.create())
+        case "gftt":
+            return _corners(harris=False)
+        case "harris":
+            return _corners(harris=True)
+    raise ValueError(f"unknown keypoints {name!r}: choose from {', '.join(get_args(KeypointName))}")
+
+
+def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
+    """The strongest point of each cell of a grid over the frame of (width, height) pixels.
+
+    Detectors crowd their points on the most textured thing in view, which may well be the one
+    thing that moves by itself; a rigid fit wants them all over the picture.
+    """
+    cells = (points * np.divide(_CELLS_XY, size_wh)).astype(np.intp)
+    _, strongest = np.unique(cells[:, 1] * _CELLS_XY[0] + cells[:, 0], return_index=True)
+    return points[strongest]
+
+
+def _brisk() -> Any:
+    """BRISK, which OpenCV 5 moved to the contributed modules."""
+    contributed: Any = cv2.xfeatures2d
+    brisk = getattr(cv2, "BRISK", None) or contributed.BRISK
+    return brisk.create(_BRISK_THRESHOLD)
+
+
+def _detector(detector: Any) -> KeypointGenerator:
+    def generate(gray: Image, mask: Image | None) -> Keypoints:
+        found = detector.detect(gray, mask)
+        response = np.array([point.response for point in found], dtype=np.float32)
+        order = np.argsort(-response, kind="stable")
+        xy = np.asarray(cv2.KeyPoint.convert(found), dtype=np.float32).reshape(-1, 2)
+        return xy[order]
+
+    return generate
+
+
+def _corners(*, harris: bool) -> KeypointGenerator:
+    def generate(gray: Image, mask: Image | None) -> Keypoints:
+        found = cv2.goodFeaturesToTrack(
+            gray,
+            _GFTT_POINTS,
+            _GFTT_QUALITY,
+            _GFTT_DISTANCE,
+            mask=mask,
+            useHarrisDetector=harris,
+        )
+        return np.asarray([] if found is None else found, dtype=np.float32).reshape(-1, 2)
+
+    return generate

@@ -1,0 +1,62 @@
+"""`StabilizerConfig`: the paper's numbers, each with its symbol and unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+from ssiam.motion import FitName, KeypointName
+
+Method: TypeAlias = Literal["off", "paper", "literal"]
+
+
+@dataclass(frozen=True)
+class StabilizerConfig:
+    """How frames are steadied; the defaults are the paper's numbers.
+
+    Parameters
+    ----------
+    method : {"off", "paper", "literal"}
+        "off" leaves every frame alone; "paper" moves it onto the smoothed camera path;
+        "literal" is eq. 5 as printed, which puts one frame's shake back in (for ablation).
+    keypoints : {"orb", "gftt", "harris", "brisk", "mser"}
+        Keypoint generator of the camera motion (Table 2).
+    fit : {"robust", "least_squares"}
+        Rigid fit of the camera motion; least squares is the printed form (eq. 3).
+    window : int
+        Frames of the camera path that are averaged, the current one included.
+    gate : float
+        Threshold judge of Fig. 2, pixels: a frame whose pixels are all within this distance of
+        the smoothed path is not steadied.
+    border : int
+        N of eq. 6: pixels added on each side of the steadied frame, so that nothing is lost.
+    thx1, thy1 : float
+        THx1, THy1 of eq. 6, pixels: the shift is at most N + THx1 along x, N + THy1 along y.
+    thx2, thy2 : float
+        THx2, THy2 of eq. 6, pixels per frame: how much the shift may change along x and y.
+    tha : float
+        THa of eq. 6, radians: the largest rotation.
+    """
+
+    method: Method = "paper"
+    keypoints: KeypointName = "orb"
+    fit: FitName = "robust"
+    window: int = 30
+    gate: float = 0.1
+    border: int = 20
+    thx1: float = 60.0
+    thy1: float = 30.0
+    thx2: float = 20.0
+    thy2: float = 10.0
+    tha: float = 0.3
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise ValueError(
+                f"unknown stabilize {self.method!r}: choose from {', '.join(get_args(Method))}"
+            )
+        if self.window < 1:
+            raise ValueError(f"window is {self.window} frames: it must be at least 1")
+        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must not be negative")

@@ -1,0 +1,118 @@
+"""`FrameView`: a raw frame and its steadying, from which trackers cut what they look at.
+
+The paper warps the whole frame and then crops a small square out of it. Both are affine, so the
+two are one `warpAffine` of the square's size, straight from the raw frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import IDENTITY, Image, Transform
+
+Colour = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameView:
+    """A steadied frame that is only computed where it is looked at.
+
+    Attributes
+    ----------
+    raw : (H, W, 3) uint8 BGR
+    stab_from_raw : (3, 3) float64
+        Takes raw-frame pixels to steadied pixels (M_t of eq. 7).
+    border : int
+        N of eq. 6: pixels that `render` adds on each side. Steadied coordinates do not count
+        them: steadied (0, 0) is `render`'s pixel (N, N).
+    """
+
+    raw: Image
+    stab_from_raw: Transform = field(default_factory=lambda: IDENTITY)
+    border: int = 0
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """Width and height of the raw frame, pixels."""
+        return self.raw.shape[1], self.raw.shape[0]
+
+    @cached_property
+    def raw_from_stab(self) -> Transform:
+        """The way back (eq. 9): the inverse transform."""
+        return np.asarray(np.linalg.inv(self.stab_from_raw))
+
+    @cached_property
+    def is_raw(self) -> bool:
+        """Whether this view shows the raw frame as it is."""
+        return bool(np.array_equal(self.stab_from_raw, IDENTITY))
+
+    def crop(self, centre_xy: tuple[float, float], side: int, out: int, fill: Colour) -> Image:
+        """Square of `side` steadied pixels around a point, resized to (out, out, 3) uint8.
+
+        What lies outside of the frame gets the colour `fill`, its fractions cut off. On an
+        unsteadied view this is the reference trackers' crop (pysot's `get_subwindow`) bit for
+        bit, its rounding of the corner included; on a steadied one it is the same square.
+        """
+        # The references take the corner at centre - (side + 1) / 2, rounded half up.
+        left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in centre_xy)
+        colour = np.trunc(fill).tolist()
+        if self.is_raw:
+            return _subwindow(self.raw, left, top, side, out, colour)
+        scale = side / out
+        stab_from_crop = np.array(
+            [[scale, 0, left + scale / 2 - 0.5], [0, scale, top + scale / 2 - 0.5], [0, 0, 1]]
+        )
+        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), colour)
+
+    def render(self) -> Image:
+        """The whole steadied frame with its border: (H + 2N, W + 2N, 3) uint8, black outside."""
+        n = self.border
+        if self.is_raw and n == 0:
+            return self.raw
+        if self.is_raw:
+            bordered = cv2.copyMakeBorder(self.raw, n, n, n, n, cv2.BORDER_CONSTANT)
+            return np.asarray(bordered, dtype=np.uint8)
+        stab_from_render = np.array([[1.0, 0, -n], [0, 1, -n], [0, 0, 1]])
+        width, height = self.size_wh
+        size_wh = width + 2 * n, height + 2 * n
+        return _warp(self.raw, self.raw_from_stab @ stab_from_render, size_wh, [0, 0, 0])
+
+
+def _warp(
+    raw: Image, raw_from_out: Transform, size_wh: tuple[int, int], colour: list[float]
+) -> Image:
+    """Picture of (width, height) whose pixel p shows the raw frame at ``raw_from_out @ p``."""
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpAffine(
+        raw,
+        raw_from_out[:2],
+        size_wh,
+        flags=flags,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=colour,
+    )
+    return np.asarray(warped, dtype=np.uint8)
+
+
+def _subwindow(raw: Image, left: int, top: int, side: int, out: int, colour: list[float]) -> Image:
+    """Square [left, left + side) x [top, top + side) of the raw frame, resized to (out, out)."""
+    height, width = raw.shape[:2]
+    right, bottom = left + side, top + side
+    inside = raw[
+        min(max(top, 0), height) : max(min(bottom, height), 0),
+        min(max(left, 0), width) : max(min(right, width), 0),
+    ]
+    if inside.shape[:2] != (side, side):
+        square = np.empty((side, side, 3), dtype=np.uint8)
+        square[:] = np.asarray(colour, dtype=np.uint8)
+        y, x = max(-top, 0), max(-left, 0)
+        square[y : y + inside.shape[0], x : x + inside.shape[1]] = inside
+        inside = square
+    if side == out:
+        return np.ascontiguousarray(inside)
+    return np.asarray(cv2.resize(inside, (out, out)), dtype=np.uint8)

@@ -1,0 +1,35 @@
+"""What a tracker has to be: two methods on views, in steadied coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ssiam.geometry import XYWH
+from ssiam.stabilize import FrameView
+from ssiam.trackers.track import Track
+
+
+class ViewTracker(Protocol):
+    """A tracker that looks at frames through a `FrameView` and never asks how it was steadied.
+
+    Boxes go in and come out in the view's steadied coordinates.
+    """
+
+    def init(self, view: FrameView, xywh: XYWH) -> None:
+        """Take the target in `xywh` as the one to follow, forgetting any other."""
+
+    def track(self, view: FrameView) -> Track:
+        """The target in the next view."""
+
+    def another(self) -> ViewTracker:
+        """A tracker of the same kind, without a target, that shares what can be shared."""
+
+
+def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Box rounded to whole pixels and cut to a picture of (width, height), at least one pixel."""
+    x, y, w, h = xywh
+    width, height = size_wh
+    left, top = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
+    right, bottom = min(max(round(x + w), left + 1), width), min(max(round(y + h), top + 1), height)
+    return left, top, right - left, bottom - top

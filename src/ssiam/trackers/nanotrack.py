@@ -1,0 +1,182 @@
+"""NanoTrack v1, v2 and v3: a small anchor-free Siamese tracker for CPUs.
+
+Networks and weights are the authors' (github.com/HonglinChu/SiamTrackers, Apache-2.0), as ONNX:
+a backbone that is run on template and search region, and a head that compares the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from ssiam.errors import WeightsError
+from ssiam.geometry import XYWH, Image
+from ssiam.runtime import Network, RuntimeName, Tensor, load_network
+from ssiam.stabilize import FrameView
+from ssiam.trackers.siamese import (
+    EXEMPLAR,
+    Floats,
+    SearchParameters,
+    TargetState,
+    choose,
+    cosine_window,
+    moved,
+)
+from ssiam.trackers.track import Track
+
+NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3"]
+
+_SEARCH: Final = 255  # px, side of the search crop
+_STRIDE: Final = 16  # px between points of the response map
+_LOST_BELOW: Final = 0.3  # score
+_HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the same shapes
+    "nanotrack_v1": 18,
+    "nanotrack_v2": 34,
+    "nanotrack_v3": 46,
+}
+
+PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
+    "nanotrack_v1": SearchParameters(penalty_k=0.148, window_influence=0.462, lr=0.390),
+    "nanotrack_v2": SearchParameters(penalty_k=0.150, window_influence=0.490, lr=0.385),
+    "nanotrack_v3": SearchParameters(penalty_k=0.138, window_influence=0.455, lr=0.348),
+}
+
+
+@dataclass(frozen=True)
+class NanoTrackNetworks:
+    """The three compiled networks, which any number of trackers may share.
+
+    `template` (1, 3, 127, 127) and `search` (1, 3, 255, 255) are one backbone; `head` takes the
+    features of both and gives scores (1, 2, n, n) and distances (1, 4, n, n).
+    """
+
+    template: Network
+    search: Network
+    head: Network
+
+    @classmethod
+    def load(
+        cls, name: NanoTrackName, weights: Path, *, runtime: RuntimeName, threads: int
+    ) -> NanoTrackNetworks:
+        """Networks from the folder that holds the two ONNX files, or from one of the two.
+
+        Raises `WeightsError` when they are missing, damaged, or of another network.
+        """
+        backbone, head = _onnx_pair(weights)
+
+        def compiled(path: Path, shape: tuple[int, ...] | None = None) -> Network:
+            return load_network(path, shape, runtime=runtime, threads=threads)
+
+        networks = cls(
+            compiled(backbone, (1, 3, EXEMPLAR, EXEMPLAR)),
+            compiled(backbone, (1, 3, _SEARCH, _SEARCH)),
+            compiled(head),
+        )
+        networks._check(name, weights)
+        return networks
+
+    def _check(self, name: NanoTrackName, weights: Path) -> None:
+        features = [self.template.output_shapes, self.search.output_shapes]
+        channels, side = (96, 15) if name == "nanotrack_v3" else (48, 16)
+        wanted_features = [[(1, channels, 8, 8)], [(1, channels, 16, 16)]]
+        wanted_maps = [(1, 2, side, side), (1, 4, side, side)]
+        if (
+            features != wanted_features
+            or self.head.input_shapes != [shapes[0] for shapes in wanted_features]
+            or self.head.output_shapes != wanted_maps
+            or self.head.convolutions != _HEAD_CONVOLUTIONS[name]
+        ):
+            raise WeightsError(
+                f"{weights} holds weights of another network than {name}: "
+                f"features {features[1][0]}, maps {self.head.output_shapes}, "
+                f"{self.head.convolutions} convolutions in the head; wanted "
+                f"{wanted_features[1][0]}, {wanted_maps}, {_HEAD_CONVOLUTIONS[name]}"
+            )
+
+
+class NanoTrack:
+    """NanoTrack's loop on any frame view.
+
+    Parameters
+    ----------
+    networks : NanoTrackNetworks
+    parameters : SearchParameters
+    """
+
+    def __init__(self, networks: NanoTrackNetworks, parameters: SearchParameters) -> None:
+        self._networks = networks
+        self._parameters = parameters
+        side = networks.head.output_shapes[0][-1]
+        self._window = cosine_window(side)
+        offsets = (np.arange(side) - side // 2) * float(_STRIDE)
+        self._points = np.stack(np.meshgrid(offsets, offsets)).reshape(2, -1)
+
+    def init(self, view: FrameView, xywh: XYWH) -> None:
+        """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
+        self._state = TargetState.from_xywh(xywh)
+        self._fill: Floats = view.raw.mean(axis=(0, 1))
+        side = round(self._state.context_side)
+        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
+        (self._template,) = self._networks.template(_tensor(crop))
+
+    def track(self, view: FrameView) -> Track:
+        """The target in the next view."""
+        zoom = EXEMPLAR / self._state.context_side
+        crop = view.crop(self._state.centre_xy, round(_SEARCH / zoom), _SEARCH, self._fill)
+        (features,) = self._networks.search(_tensor(crop))
+        score_maps, distances = self._networks.head(self._template, features)
+        score = _foreground(score_maps)
+        boxes = self._boxes(distances)
+        size = np.array(self._state.size_wh) * zoom
+        best, penalty = choose(boxes, score, size, self._window, self._parameters)
+        rate = penalty * score[best] * self._parameters.lr
+        self._state = moved(self._state, boxes[:, best], zoom, rate, view)
+        confidence = float(score[best])
+        return Track(self._state.xywh, score=confidence, lost=confidence < _LOST_BELOW)
+
+    def another(self) -> NanoTrack:
+        """A second tracker on the same networks."""
+        return NanoTrack(self._networks, self._parameters)
+
+    def _boxes(self, distances: Tensor) -> Floats:
+        """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
+        left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
+        x, y = self._points
+        return np.stack(
+            [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
+        )
+
+
+def _tensor(crop: Image) -> Tensor:
+    """(1, 3, side, side) float32, BGR in 0..255."""
+    return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)
+
+
+def _foreground(score_maps: Tensor) -> Floats:
+    """Softmax over background and foreground (1, 2, n, n) -> foreground (n * n,)."""
+    background, foreground = score_maps[0].reshape(2, -1).astype(np.float64)
+    return np.asarray(1 / (1 + np.exp(background - foreground)))
+
+
+def _onnx_pair(weights: Path) -> tuple[Path, Path]:
+    """The backbone's and the head's file in a folder, or beside one of them."""
+    folder = weights if weights.is_dir() else weights.parent
+    if not weights.exists():
+        raise WeightsError(
+            f"weights {weights} do not exist: give the folder of NanoTrack's two .onnx files"
+        )
+    if weights.is_file() and weights.suffix != ".onnx":
+        raise WeightsError(f"weights {weights} are not an .onnx file: NanoTrack runs from ONNX")
+    found = []
+    for part in ("backbone", "head"):
+        files = sorted(folder.glob(f"*{part}*.onnx"))
+        if len(files) != 1:
+            raise WeightsError(
+                f"weights folder {folder} holds {len(files)} files named *{part}*.onnx, "
+                "NanoTrack needs exactly one"
+            )
+        found.append(files[0])
+    return found[0], found[1]

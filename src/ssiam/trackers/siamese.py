@@ -1,0 +1,131 @@
+"""What all Siamese trackers with box regression share: search regions, penalties, size update.
+
+The formulas are those of the reference implementation (SiamRPN's loop in pysot), with its half
+pixel of asymmetry between the box that comes in and the one that goes out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import XYWH, map_points
+from ssiam.stabilize import FrameView
+
+CONTEXT = 0.5  # of width + height, added around the target
+EXEMPLAR = 127  # px, side of the template crop
+MIN_SIDE = 10.0  # px, the smallest target
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SearchParameters:
+    """The three numbers that steer a Siamese tracker's choice.
+
+    Parameters
+    ----------
+    penalty_k : float
+        How strongly a change of the target's size or shape counts against a candidate.
+    window_influence : float
+        Weight 0..1 of the cosine window, which prefers candidates near the last place.
+    lr : float
+        How fast the size follows the chosen candidate, 0..1.
+    """
+
+    penalty_k: float
+    window_influence: float
+    lr: float
+
+
+@dataclass(frozen=True)
+class TargetState:
+    """Centre and size of the target in steadied pixels."""
+
+    centre_xy: tuple[float, float]
+    size_wh: tuple[float, float]
+
+    @classmethod
+    def from_xywh(cls, xywh: XYWH) -> TargetState:
+        """State of a first box: its centre is that of its pixels, (w - 1) / 2 from the left."""
+        x, y, w, h = xywh
+        return cls((x + (w - 1) / 2, y + (h - 1) / 2), (w, h))
+
+    @property
+    def xywh(self) -> XYWH:
+        """The box that is reported: w / 2 to the left of the centre, as the references do."""
+        (cx, cy), (w, h) = self.centre_xy, self.size_wh
+        return cx - w / 2, cy - h / 2, w, h
+
+    @property
+    def context_side(self) -> float:
+        """Side of the square that holds the target and its context (s_z), unrounded pixels."""
+        w, h = self.size_wh
+        context = CONTEXT * (w + h)
+        return float(np.sqrt((w + context) * (h + context)))
+
+
+def choose(
+    boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
+) -> tuple[int, float]:
+    """Index of the best candidate, and its penalty factor 0..1.
+
+    `boxes` (4, n): cx, cy, w, h in pixels of the search region; `score` (n,) 0..1; `size_wh` (2,)
+    the last size in the same pixels; `window` (n,) cosine window.
+    """
+    change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
+    shape = _ratio((size_wh[0] / size_wh[1]) / (boxes[2] / boxes[3]))
+    penalty = np.exp(-(shape * change - 1) * parameters.penalty_k)
+    influence = parameters.window_influence
+    ranked = penalty * score * (1 - influence) + window * influence
+    best = int(np.argmax(ranked))
+    return best, float(penalty[best])
+
+
+def moved(
+    state: TargetState, box: Floats, zoom: float, rate: float, view: FrameView
+) -> TargetState:
+    """State after the chosen candidate `box` (cx, cy, w, h), relative to the search centre.
+
+    `zoom` is search-region pixels per steadied pixel; `rate` 0..1 is how far the size follows.
+    The place is taken over whole; the centre is kept inside of the frame.
+    """
+    cx, cy, w, h = box / zoom
+    centre = _inside(view, (state.centre_xy[0] + cx, state.centre_xy[1] + cy))
+    width, height = view.size_wh
+    new_w = state.size_wh[0] * (1 - rate) + w * rate
+    new_h = state.size_wh[1] * (1 - rate) + h * rate
+    return TargetState(
+        centre,
+        (float(np.clip(new_w, MIN_SIDE, width)), float(np.clip(new_h, MIN_SIDE, height))),
+    )
+
+
+def cosine_window(side: int) -> Floats:
+    """Outer product of two Hanning windows, flattened: (side * side,)."""
+    hanning = np.hanning(side)
+    return np.outer(hanning, hanning).ravel()
+
+
+def _inside(view: FrameView, centre_xy: tuple[float, float]) -> tuple[float, float]:
+    """The point of the raw frame nearest to a steadied point, in steadied coordinates."""
+    limits = view.size_wh
+    if view.is_raw:
+        cx, cy = np.clip(centre_xy, 0, limits)
+        return float(cx), float(cy)
+    raw = map_points(view.raw_from_stab, [centre_xy])[0]
+    if (raw >= 0).all() and (raw <= limits).all():
+        return float(centre_xy[0]), float(centre_xy[1])
+    cx, cy = map_points(view.stab_from_raw, [np.clip(raw, 0, limits)])[0]
+    return float(cx), float(cy)
+
+
+def _ratio(value: Floats) -> Floats:
+    return np.maximum(value, 1 / value)
+
+
+def _padded(w: Floats, h: Floats) -> Floats:
+    context = (w + h) * CONTEXT
+    return np.sqrt((w + context) * (h + context))
