@@ -1,0 +1,32 @@
+import os
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
+
+cv2.setNumThreads(1)
+
+
+@pytest.fixture
+def golden():
+    """Read an .npz of tests/golden."""
+    return lambda name: np.load(Path(__file__).parent / "golden" / name)
+
+
+@pytest.fixture
+def shared():
+    """A file or folder of the shared test data; skips the test where it is absent."""
+
+    def find(relative):
+        path = SHARED / relative
+        if not path.exists():
+            pytest.skip(f"{path} is absent (set SSIAM_SHARED to the folder of the test data)")
+        return path
+
+    return find

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ssiam.geometry import map_points, rigid
+from ssiam.motion.fit import fit_rigid, least_squares
+from synthetic import generator
+
+
+def pairs(cur_from_prev, count=120, moving=0.0, noise=0.0, seed=1):
+    """Point pairs of a camera motion, the first `moving` of them on something that moves."""
+    r = generator(seed)
+    prev_xy = r.uniform((0, 0), (640, 360), (count, 2))
+    cur_xy = map_points(cur_from_prev, prev_xy) + r.normal(0, noise or 1e-12, (count, 2))
+    cur_xy[: int(moving * count)] += (25.0, -14.0)
+    return prev_xy, cur_xy
+
+
+def corner_error(a_from_b, c_from_d):
+    corners = [[0, 0], [640, 0], [640, 360], [0, 360]]
+    return np.abs(map_points(a_from_b, corners) - map_points(c_from_d, corners)).max()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-60, 60), st.floats(-60, 60), st.floats(-0.3, 0.3))
+def test_both_fits_recover_an_exact_motion(dx, dy, angle):
+    truth = rigid(dx, dy, angle, (320, 180))
+    for method in ("robust", "least_squares"):
+        found, inliers = fit_rigid(*pairs(truth), method, tolerance=1.5)
+        assert corner_error(found, truth) < 1e-6
+        assert inliers == 1
+
+
+@pytest.mark.parametrize("moving", [0.05, 0.3, 0.45])
+def test_what_moves_by_itself_draws_only_least_squares_off(moving):
+    truth = rigid(12, -5, 0.02, (320, 180))
+    points = pairs(truth, moving=moving, noise=0.2)
+    robust, inliers = fit_rigid(*points, "robust", tolerance=1.5)
+    plain, _ = fit_rigid(*points, "least_squares", tolerance=1.5)
+    assert corner_error(robust, truth) < 0.3
+    assert corner_error(plain, truth) > 1
+    assert inliers == pytest.approx(1 - moving, abs=0.02)
+
+
+def test_results_repeat():
+    points = pairs(rigid(3, 4, 0.01), moving=0.4, noise=1.0)
+    first, second = (fit_rigid(*points, "robust", tolerance=1.5)[0] for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_one_place_gives_a_shift_and_no_rotation():
+    prev_xy = np.full((3, 2), 7.0)
+    np.testing.assert_allclose(least_squares(prev_xy, prev_xy + 2), rigid(2, 2, 0), atol=1e-12)
+
+
+def test_unknown_fit_is_named():
+    with pytest.raises(ValueError, match="unknown fit 'magic'"):
+        fit_rigid(*pairs(np.eye(3)), "magic", tolerance=1.5)

@@ -1,0 +1,160 @@
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssiam import Motion, Stabilizer, StabilizerConfig
+from ssiam.geometry import frame_centre, map_box, map_points, rigid_parameters
+from ssiam.stabilize import CameraPath
+from synthetic import generator, poses
+
+SIZE = (640, 360)
+CENTRE = frame_centre(SIZE)
+UNLIMITED = StabilizerConfig(gate=0, thx1=1e6, thy1=1e6, thx2=1e6, thy2=1e6, tha=10)
+
+
+def motions(frame_from_world):
+    """The motion to every frame, as an exact estimator would tell it."""
+    previous = [frame_from_world[0], *frame_from_world[:-1]]
+    for cur, prev in zip(frame_from_world, previous, strict=True):
+        yield Motion(cur @ np.linalg.inv(prev), 1.0, True, SIZE)
+
+
+def hand_held(count=120, seed=4, roll=0.01, pan=0.0):
+    r = generator(seed)
+    steps = r.normal(0, (4, 3, roll), (count, 3))
+    steps[:, 0] += pan * np.arange(count)
+    return poses(steps, SIZE)
+
+
+@pytest.mark.parametrize("point", [(320.0, 180.0), (40.0, 30.0), (610.0, 350.0)])
+@pytest.mark.parametrize("pan", [0.0, 2.0])
+def test_a_background_point_lies_on_the_smoothed_path(point, pan):
+    frame_from_world = hand_held(pan=pan)
+    stabilizer = Stabilizer(UNLIMITED)
+    raw_path = np.array([map_points(pose, [point])[0] for pose in frame_from_world])
+    for t, motion in enumerate(motions(frame_from_world)):
+        stab_from_raw = stabilizer.update(motion)
+        smoothed = raw_path[max(0, t - 29) : t + 1].mean(axis=0)
+        steadied = map_points(stab_from_raw, [raw_path[t]])[0]
+        assert np.hypot(*(steadied - smoothed)) < 0.1
+
+
+def test_the_printed_equation_5_puts_a_frame_of_shake_back_in():
+    paper, literal = Stabilizer(UNLIMITED), Stabilizer(replace(UNLIMITED, method="literal"))
+    for motion in motions(hand_held(roll=0.0)):
+        difference = literal.update(motion)[:2, 2] - paper.update(motion)[:2, 2]
+        np.testing.assert_allclose(difference, motion.shift_angle[:2], atol=1e-9)
+
+
+def steadying(steps, **limits):
+    """(dx, dy, angle) of every steadied frame, for camera poses given as (dx, dy, angle)."""
+    stabilizer = Stabilizer(replace(UNLIMITED, **limits))
+    return np.array(
+        [
+            rigid_parameters(stabilizer.update(motion), CENTRE)
+            for motion in motions(poses(steps, SIZE))
+        ]
+    )
+
+
+def jump(dx=0.0, dy=0.0, angle=0.0):
+    """A camera that rests for 60 frames, and then jumps."""
+    steps = np.zeros((80, 3))
+    steps[60:] = dx, dy, angle
+    return steps
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_equation_6_limits_the_shift_and_keeps_its_sign(sign):
+    found = steadying(jump(dx=sign * 300, dy=sign * 200), thx1=60, thy1=30)
+    assert found[60, 0] == pytest.approx(-sign * 80)  # N + THx1
+    assert found[60, 1] == pytest.approx(-sign * 50)  # N + THy1
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_equation_6_limits_the_change_per_frame(sign):
+    found = steadying(jump(dx=sign * 300, dy=sign * 200), thx2=20, thy2=10)
+    np.testing.assert_allclose(found[59:63, 0], -sign * np.array([0, 20, 40, 60]), atol=1e-9)
+    np.testing.assert_allclose(found[59:63, 1], -sign * np.array([0, 10, 20, 30]), atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_equation_6_limits_the_rotation(sign):
+    found = steadying(jump(angle=sign * 0.4), tha=0.3)
+    assert found[60, 2] == pytest.approx(-sign * 0.3)
+    assert steadying(jump(angle=sign * 0.2), tha=0.3)[60, 2] == pytest.approx(
+        -sign * 0.2 * 29 / 30
+    )
+
+
+def test_the_gate_leaves_steady_frames_alone():
+    small, large = jump(dx=0.05), jump(dx=5.0)
+    assert not steadying(small, gate=0.1)[60:].any()
+    assert steadying(large, gate=0.1)[60, 0] == pytest.approx(-5 * 29 / 30)
+    assert steadying(small, gate=0.0)[60, 0] != 0
+
+
+def test_a_steady_pan_lags_and_saturates():
+    pan = np.zeros((120, 3))
+    pan[:, 0] = 8.0 * np.arange(120)
+    found = steadying(pan, thx1=60)
+    assert found[100, 0] == pytest.approx(-80)  # the paper's design, and its weakness
+    pan[:, 0] /= 4
+    assert steadying(pan, thx1=60)[100, 0] == pytest.approx(-2.0 * 14.5)
+
+
+def test_unreliable_motion_holds_the_view():
+    stabilizer = Stabilizer(StabilizerConfig())
+    for motion in motions(hand_held(count=40)):
+        before = stabilizer.update(motion)
+    for _ in range(50):
+        held = stabilizer.update(Motion.none(SIZE))
+        np.testing.assert_array_equal(held, before)
+
+
+def test_off_never_moves_anything():
+    stabilizer = Stabilizer(StabilizerConfig("off"))
+    for motion in motions(hand_held(count=40)):
+        np.testing.assert_array_equal(stabilizer.update(motion), np.eye(3))
+
+
+def test_boxes_come_back_through_the_steadying():
+    stabilizer = Stabilizer(StabilizerConfig())
+    box = (301.5, 122.25, 40.0, 61.5)
+    for motion in motions(hand_held(count=60)):
+        stab_from_raw = stabilizer.update(motion)
+        raw_from_stab = np.linalg.inv(stab_from_raw)
+        there_and_back = map_box(raw_from_stab, map_box(stab_from_raw, box))
+        assert there_and_back == pytest.approx(box, abs=1e-9)
+
+
+def test_memory_and_work_do_not_grow_with_the_stream():
+    """The state at frame 20,000 is the state at frame 100: the same size, and no drift."""
+    path = CameraPath(30)
+    sway = poses([(3, 1, 0.01), (0, 0, 0)], SIZE)
+    one, other = list(motions([*sway, sway[0]]))[1:]
+    tracemalloc.start()
+    for t in range(20_000):
+        path.advance(one if t % 2 else other)
+        if t == 101:
+            early, used_early = path.difference(), tracemalloc.get_traced_memory()[0]
+    used_late = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert used_late <= used_early + 2_000
+    np.testing.assert_allclose(path.difference(), early, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "complaint"),
+    [
+        pytest.param({"method": "magic"}, "unknown stabilize 'magic'", id="method"),
+        pytest.param({"window": 0}, "window is 0", id="window"),
+        pytest.param({"thx1": -1}, "thx1 is -1", id="negative"),
+        pytest.param({"tha": float("nan")}, "tha is nan", id="nan"),
+    ],
+)
+def test_bad_settings_are_named(values, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        StabilizerConfig(**values)

@@ -1,0 +1,91 @@
+import hashlib
+
+import cv2
+import numpy as np
+import pytest
+
+from ssiam import FrameView
+from ssiam.geometry import map_points, rigid
+from synthetic import golden_video, world
+
+
+def test_unsteadied_crop_is_the_reference_bit_for_bit(golden):
+    z = golden("functions.npz")
+    frame = golden_video("A")[0][0]
+    fill = frame.mean(axis=(0, 1))
+    np.testing.assert_allclose(fill, z["avg"])
+    for (cx, cy, out, side), digest in zip(
+        z["subwindow_cases"], z["subwindow_sha256"], strict=True
+    ):
+        crop = FrameView(frame).crop((cx, cy), int(side), int(out), fill)
+        planes = np.ascontiguousarray(crop.transpose(2, 0, 1))
+        assert hashlib.sha256(planes.tobytes()).hexdigest() == digest
+
+
+def smooth_world():
+    return cv2.GaussianBlur(world(), (0, 0), 3)
+
+
+STEADYING = rigid(14.3, -9.7, 0.06, (319.5, 179.5))
+
+
+@pytest.mark.parametrize("side", [90, 127, 200, 255])
+def test_steadied_crop_is_the_crop_of_the_steadied_frame(side):
+    frame = smooth_world()
+    fill = np.array([0.0, 0.0, 0.0])
+    warped = cv2.warpAffine(frame, STEADYING[:2], (640, 360))
+    whole = FrameView(warped).crop((300.2, 170.9), side, 255, fill)
+    composed = FrameView(frame, STEADYING).crop((300.2, 170.9), side, 255, fill)
+    difference = np.abs(whole.astype(int) - composed)[4:-4, 4:-4]
+    assert difference.mean() < 0.5
+    assert np.percentile(difference, 99) <= 3
+
+
+def test_a_crop_a_hair_from_the_identity_is_the_reference_crop():
+    frame = smooth_world()
+    fill = frame.mean(axis=(0, 1))
+    nearly = FrameView(frame, rigid(1e-6, 0, 0))
+    assert not nearly.is_raw
+    a, b = (view.crop((30.0, 40.0), 180, 255, fill) for view in (FrameView(frame), nearly))
+    assert np.abs(a.astype(int) - b)[2:-2, 2:-2].max() <= 2
+
+
+@pytest.mark.parametrize("centre", [(-500.0, 50.0), (5000.0, 50.0), (100.0, -900.0)])
+@pytest.mark.parametrize("steadying", [np.eye(3), STEADYING])
+def test_crop_outside_of_the_frame_is_the_fill_with_its_fractions_cut(centre, steadying):
+    view = FrameView(world(), steadying)
+    crop = view.crop(centre, 100, 127, np.array([10.9, 20.2, 30.7]))
+    assert (crop == (10, 20, 30)).all()
+
+
+def test_render_is_the_steadied_frame_with_its_border():
+    frame = smooth_world()
+    picture = FrameView(frame, STEADYING, border=20).render()
+    assert picture.shape == (400, 680, 3)
+    points = np.array([[200, 150], [400, 200], [330, 120]])
+    for raw_xy, (x, y) in zip(points, map_points(STEADYING, points) + 20, strict=True):
+        shown = cv2.getRectSubPix(picture, (1, 1), (float(x), float(y)))[0, 0]
+        assert np.abs(shown.astype(int) - frame[raw_xy[1], raw_xy[0]]).max() <= 3
+
+
+def test_render_keeps_what_a_shift_moves_out_of_the_frame():
+    frame = world()
+    picture = FrameView(frame, rigid(20, -20, 0), border=20).render()
+    np.testing.assert_array_equal(picture[0:360, 40:680], frame)
+
+
+def test_unsteadied_render():
+    frame = world()
+    assert FrameView(frame).render() is frame
+    bordered = FrameView(frame, border=20).render()
+    np.testing.assert_array_equal(bordered[20:-20, 20:-20], frame)
+    assert not bordered[:20].any()
+
+
+def test_the_frame_is_never_changed():
+    frame = world()
+    before = frame.copy()
+    view = FrameView(frame, STEADYING, border=5)
+    view.render()
+    view.crop((10.0, 10.0), 100, 127, np.zeros(3))
+    np.testing.assert_array_equal(frame, before)
