@@ -19,7 +19,7 @@ from ssiam.errors import (
 )
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
-from ssiam.trackers import TRACKERS, SteadiedTracker, Track, load_tracker
+from ssiam.trackers import TRACKERS, SteadiedTracker, Track, TrackerGroup, load_tracker
 
 __all__ = [
     "TRACKERS",
@@ -36,6 +36,7 @@ __all__ = [
     "SteadiedTracker",
     "StreamError",
     "Track",
+    "TrackerGroup",
     "WeightsError",
     "load_tracker",
 ]

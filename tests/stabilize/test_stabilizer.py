@@ -42,7 +42,7 @@ def test_a_background_point_lies_on_the_smoothed_path(point, pan):
 
 
 def test_the_printed_equation_5_puts_a_frame_of_shake_back_in():
-    paper, literal = Stabilizer(UNLIMITED), Stabilizer(replace(UNLIMITED, method="literal"))
+    paper, literal = Stabilizer(UNLIMITED), Stabilizer(replace(UNLIMITED, stabilize="literal"))
     for motion in motions(hand_held(roll=0.0)):
         difference = literal.update(motion)[:2, 2] - paper.update(motion)[:2, 2]
         np.testing.assert_allclose(difference, motion.shift_angle[:2], atol=1e-9)
@@ -84,9 +84,7 @@ def test_equation_6_limits_the_change_per_frame(sign):
 def test_equation_6_limits_the_rotation(sign):
     found = steadying(jump(angle=sign * 0.4), tha=0.3)
     assert found[60, 2] == pytest.approx(-sign * 0.3)
-    assert steadying(jump(angle=sign * 0.2), tha=0.3)[60, 2] == pytest.approx(
-        -sign * 0.2 * 29 / 30
-    )
+    assert steadying(jump(angle=sign * 0.2), tha=0.3)[60, 2] == pytest.approx(-sign * 0.2 * 29 / 30)
 
 
 def test_the_gate_leaves_steady_frames_alone():
@@ -149,7 +147,7 @@ def test_memory_and_work_do_not_grow_with_the_stream():
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        pytest.param({"method": "magic"}, "unknown stabilize 'magic'", id="method"),
+        pytest.param({"stabilize": "magic"}, "unknown stabilize 'magic'", id="stabilize"),
         pytest.param({"window": 0}, "window is 0", id="window"),
         pytest.param({"thx1": -1}, "thx1 is -1", id="negative"),
         pytest.param({"tha": float("nan")}, "tha is nan", id="nan"),

@@ -73,7 +73,10 @@ def robust(prev_xy: Points, cur_xy: Points, tolerance: float) -> Transform:
 
 
 def _consensus(prev_xy: Points, cur_xy: Points, tolerance: float) -> NDArray[np.float64]:
-    """Weights 1 for the pairs that agree with the best two-point hypothesis, 0 for the rest."""
+    """Weights 1 for the pairs that agree with the best two-point hypothesis, 0 for the rest.
+
+    Where not even its own two points agree with it (they moved apart), all weights are 1.
+    """
     first, second = _pairs(len(prev_xy))
     p = prev_xy[:, 0] + 1j * prev_xy[:, 1]  # a rotation is a product of complex numbers
     q = cur_xy[:, 0] + 1j * cur_xy[:, 1]
@@ -84,7 +87,8 @@ def _consensus(prev_xy: Points, cur_xy: Points, tolerance: float) -> NDArray[np.
     squared = np.abs(turn[:, None] * p + shift[:, None] - q) ** 2
     # Points beyond the tolerance all cost the same: the sum ranks equal counts by closeness.
     cost = np.minimum(squared, tolerance**2).sum(axis=1)
-    return np.asarray(squared[np.argmin(cost)] <= tolerance**2, dtype=np.float64)
+    agree = squared[np.argmin(cost)] <= tolerance**2
+    return np.asarray(agree if agree.any() else np.ones(len(p)), dtype=np.float64)
 
 
 @lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ class StabilizerConfig:
 
     Parameters
     ----------
-    method : {"off", "paper", "literal"}
+    stabilize : {"off", "paper", "literal"}
         "off" leaves every frame alone; "paper" moves it onto the smoothed camera path;
         "literal" is eq. 5 as printed, which puts one frame's shake back in (for ablation).
     keypoints : {"orb", "gftt", "harris", "brisk", "mser"}
@@ -38,7 +38,7 @@ class StabilizerConfig:
         THa of eq. 6, radians: the largest rotation.
     """
 
-    method: Method = "paper"
+    stabilize: Method = "paper"
     keypoints: KeypointName = "orb"
     fit: FitName = "robust"
     window: int = 30
@@ -51,9 +51,9 @@ class StabilizerConfig:
     tha: float = 0.3
 
     def __post_init__(self) -> None:
-        if self.method not in get_args(Method):
+        if self.stabilize not in get_args(Method):
             raise ValueError(
-                f"unknown stabilize {self.method!r}: choose from {', '.join(get_args(Method))}"
+                f"unknown stabilize {self.stabilize!r}: choose from {', '.join(get_args(Method))}"
             )
         if self.window < 1:
             raise ValueError(f"window is {self.window} frames: it must be at least 1")

@@ -28,6 +28,11 @@ class CameraPath:
         self._past_from_cur = np.concatenate([past_from_cur, np.eye(3)[None]])[-self._window :]
         self._centre = np.array([*frame_centre(motion.size_wh), 1.0])
 
+    @property
+    def started(self) -> bool:
+        """Whether there is a pose yet."""
+        return len(self._past_from_cur) > 0
+
     def difference(self) -> NDArray[np.float64]:
         """Smoothed minus actual path at the current frame: dx, dy in pixels, da in radians.
 

@@ -32,7 +32,7 @@ class Stabilizer:
         frame before is held and the path waits: a wrong motion would throw the target out of
         the search region.
         """
-        if self._config.method == "off" or not motion.reliable:
+        if self._config.stabilize == "off" or not motion.reliable:
             return self._stab_from_raw
         self._path.advance(motion)
         dx, dy, angle = self._limited(self._wanted(motion), motion.size_wh)
@@ -42,7 +42,7 @@ class Stabilizer:
     def _wanted(self, motion: Motion) -> NDArray[np.float64]:
         """(dx, dy, da) that puts the frame onto the smoothed path (eq. 5)."""
         difference = self._path.difference()
-        if self._config.method == "literal":
+        if self._config.stabilize == "literal":
             return difference + motion.shift_angle  # eq. 5 as printed: trans + difference
         return difference
 

@@ -2,6 +2,7 @@
 
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.catalogue import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
+from ssiam.trackers.group import TrackerGroup
 from ssiam.trackers.steadied import SteadiedTracker
 from ssiam.trackers.track import Track
 
@@ -10,6 +11,7 @@ __all__ = [
     "TRACKERS",
     "SteadiedTracker",
     "Track",
+    "TrackerGroup",
     "TrackerName",
     "ViewTracker",
     "load_tracker",

@@ -24,7 +24,8 @@ class OpenCvTracker:
     """One of OpenCV's trackers on the rendered view.
 
     They tell no score, only whether they still have the target: 1 or 0. When they have not, the
-    last box is kept.
+    last box is kept. CSRT and KCF repeat their results; OpenCV seeds MIL's samples from the clock,
+    so its runs differ by a pixel or so.
 
     Parameters
     ----------
@@ -43,7 +44,6 @@ class OpenCvTracker:
         box = pixel_box(
             (x + view.border, y + view.border, w, h), (picture.shape[1], picture.shape[0])
         )
-        cv2.setRNGSeed(0)  # MIL draws samples; results have to repeat
         self._tracker = _CREATE[self._name]()
         self._tracker.init(picture, box)
         self._xywh = xywh

@@ -37,7 +37,7 @@ class SteadiedTracker:
 
     def camera(self) -> CameraMotion | None:
         """A fresh motion estimator of this tracker's settings, None with stabilize="off"."""
-        if self._config.method == "off":
+        if self._config.stabilize == "off":
             return None
         return CameraMotion(self._config.keypoints, self._config.fit)
 
@@ -111,4 +111,4 @@ class SteadiedTracker:
 
     @property
     def _border(self) -> int:
-        return 0 if self._config.method == "off" else self._config.border
+        return 0 if self._config.stabilize == "off" else self._config.border

@@ -1,0 +1,72 @@
+"""Mean IoU of every tracker, unsteadied and steadied, through the command line.
+
+    python benchmarks/sequences.py
+
+Runs `ssiam track` on four real sequences and on a shaking clip, and prints the table of
+docs/benchmarks.md. Needs the folder of test data (see shared_data.py).
+"""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from shared_data import VIDEOS, WEIGHTS, overlap, read_sequence, success
+
+SEQUENCES = ("Couple", "Jumping", "bag_vot2015", "dtb70_MountainBike6")
+TRACKERS = ("csrt", "kcf", "nanotrack_v2", "nanotrack_v3")
+METHODS = ("off", "paper")
+CLIP, CLIP_BOX = "shaky-5.avi", (290, 95, 175, 165)  # the red sculpture
+
+
+def track(
+    source: Path, box: tuple[float, ...], tracker: str, stabilize: str
+) -> list[dict[str, str]]:
+    """Rows of the CSV file that `ssiam track` writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results.csv"
+        command = [sys.executable, "-m", "ssiam", "track", str(source)]
+        command += ["--box", ",".join(f"{v:.4f}" for v in box), "--tracker", tracker]
+        command += ["--stabilize", stabilize, "--results", str(results)]
+        if tracker.startswith("nanotrack"):
+            command += ["--weights", str(WEIGHTS / tracker.replace("_", ""))]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        with results.open() as file:
+            return list(csv.DictReader(file))
+
+
+def boxes(rows: list[dict[str, str]]) -> np.ndarray:
+    """Boxes (N, 4) of the rows."""
+    return np.array([[float(row[key]) for key in "xywh"] for row in rows])
+
+
+def main() -> None:
+    """Print the table."""
+    head = [f"{t} {m}" for t in TRACKERS for m in METHODS]
+    print("| sequence | " + " | ".join(head) + " |")
+    print("|---" * (len(head) + 1) + "|")
+    for name in SEQUENCES:
+        sequence = read_sequence(name)
+        cells = []
+        for tracker in TRACKERS:
+            for stabilize in METHODS:
+                rows = track(sequence.frames, tuple(sequence.boxes[0]), tracker, stabilize)
+                overlaps = overlap(boxes(rows), sequence.boxes)
+                cells.append(f"{overlaps.mean():.3f} ({success(overlaps):.3f})")
+        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+    cells = []
+    for tracker in TRACKERS:
+        for stabilize in METHODS:
+            rows = track(VIDEOS / CLIP, CLIP_BOX, tracker, stabilize)
+            lost = sum(row["lost"] in ("1", "True", "true") for row in rows)
+            cells.append(f"{len(rows)} frames, lost in {lost}")
+    print(f"| {CLIP} (no ground truth) | " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""`ssiam track`: follow one or several targets through a video."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+import cv2
+from cyclopts import Group, Parameter, Token
+
+from ssiam.cli.report import Progress, Report
+from ssiam.cli.outputs import Outputs
+from ssiam.errors import SsiamError
+from ssiam.geometry import XYWH
+from ssiam.runtime import RuntimeName
+from ssiam.stabilize import StabilizerConfig
+from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
+from ssiam.video import Frame, RawFormat, Source, open_source
+
+_TARGET = Group("Target", sort_key=1)
+_OUTPUT = Group("Output", sort_key=2)
+_STEADYING = Group("Steadying", sort_key=3)
+_RUNNING = Group("Running", sort_key=4)
+
+
+class UsageError(SsiamError):
+    """An argument that cannot be used."""
+
+
+def _box(kind: Any, tokens: Sequence[Token]) -> XYWH:
+    try:
+        x, y, w, h = (float(number) for number in tokens[0].value.split(","))
+    except ValueError:
+        raise ValueError(
+            f"{tokens[0].value!r} is not a box: give x,y,width,height in pixels, such as 120,80,40,60"
+        ) from None
+    return x, y, w, h
+
+
+def _raw_format(kind: Any, tokens: Sequence[Token]) -> RawFormat:
+    try:
+        size, pixel_format, fps = tokens[0].value.split(",")
+        width, height = (int(number) for number in size.split("x"))
+        return RawFormat((width, height), pixel_format, Fraction(fps))
+    except (ValueError, ZeroDivisionError):
+        raise ValueError(
+            f"{tokens[0].value!r} is not a raw format: give size, layout, rate such as 640x360,bgr24,30"
+        ) from None
+
+
+Box: TypeAlias = Annotated[XYWH, Parameter(converter=_box, n_tokens=1, allow_leading_hyphen=True)]
+
+
+def track(
+    source: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    *,
+    box: Annotated[list[Box], Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True)],
+    tracker: Annotated[TrackerName, Parameter(group=_TARGET)] = DEFAULT_TRACKER,
+    weights: Annotated[Path | None, Parameter(group=_TARGET)] = None,
+    out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
+    results: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
+    layout: Annotated[str | None, Parameter(group=_OUTPUT)] = None,
+    plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
+    side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
+    raw: Annotated[
+        RawFormat | None, Parameter(group=_RUNNING, converter=_raw_format, n_tokens=1)
+    ] = None,
+    runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
+    threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = StabilizerConfig(),
+) -> None:
+    """Follow targets through a video from a moving camera.
+
+    Without --out, --results and --plot, the tracked video and a CSV file are written to the
+    current folder, named after the source.
+
+    Parameters
+    ----------
+    source
+        Video file, folder of images, camera number, rtsp:// or http:// address, or - for
+        standard input.
+    box
+        Target in the first frame: x,y,width,height in pixels, x and y its top left corner.
+        Give it again for each further target.
+    tracker
+        The tracker that runs on the steadied view.
+    weights
+        File or folder of the tracker's networks, for trackers that have any.
+    out
+        Video to write: .mp4 (H.264), .mkv or .avi.
+    results
+        File of results to write: .csv, .jsonl or .txt.
+    layout
+        Layout of a .txt file: otb (x,y,w,h from 1), mot, or vot.
+    plot
+        Picture of the camera's path and its steadying: .png, .svg or .pdf.
+    side_by_side
+        Show the steadied view beside the raw frame in the video.
+    raw
+        Size, layout and rate of headerless frames: 640x360,bgr24,30.
+    runtime
+        What runs the networks.
+    threads
+        CPU threads.
+    """
+    cv2.setNumThreads(threads)
+    with ExitStack() as stack:
+        frames = stack.enter_context(open_source(source, raw=raw))
+        first = next(frames)
+        try:
+            steadied = load_tracker(
+                tracker, weights=weights, stabilize=config, runtime=runtime, threads=threads
+            )
+            group = TrackerGroup(steadied)
+            group.init(first.image, box)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        if out is None and results is None and plot is None:
+            out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
+        outputs = Outputs(
+            frames,
+            video=out,
+            results=results,
+            layout=layout,
+            plot=plot,
+            side_by_side=side_by_side,
+            config=config,
+            targets=len(box),
+        )
+        report = Report(frames.name, tracker, config.stabilize, len(box))
+        stack.callback(report.show, outputs.written)
+        stack.enter_context(outputs)
+        _follow(group, first, frames, box, outputs, report)
+
+
+def _follow(
+    group: TrackerGroup,
+    first: Frame,
+    frames: Source,
+    boxes: Sequence[XYWH],
+    outputs: Outputs,
+    report: Report,
+) -> None:
+    """Track to the end of the frames."""
+    outputs.write(first, [Track(box) for box in boxes])
+    with Progress(frames.length) as progress:
+        for frame in frames:
+            with report.clock:
+                tracks = group.update(frame.image)
+            report.add(tracks)
+            outputs.write(frame, tracks, report.clock.fps)
+            progress.step(report.clock.fps)
+
+
+def _stem(source: str) -> str:
+    """Name for outputs: the file's or folder's, a camera's number, or `stream`."""
+    stem = Path(source.split("?")[0]).stem if "://" not in source else ""
+    return stem if stem not in ("", "-") else "stream"

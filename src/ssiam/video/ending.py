@@ -1,0 +1,122 @@
+"""`Ending`: whether a container was read to its end, or breaks off before it.
+
+FFmpeg reports most truncated files as an ordinary end of file. Four things give them away: the
+last packet or the last frame is cut; the packets stop short of what the header announces; an
+MPEG transport stream does not end at a packet border.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from fractions import Fraction
+
+import av
+from av.container import InputContainer
+from av.packet import Packet
+from av.stream import Stream
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+# What a whole file may miss of its announced end. Where frames are counted, rounding: less than
+# two frames. Elsewhere also 0.1 s for clocks of 1 ms and padded sound (Matroska, FLV), and two
+# frames, for packets there do not always tell how long the last one is shown.
+_COUNTED_SLACK_FRAMES = 1.5
+_SLACK_FRAMES = 2.0
+_SLACK_SECONDS = 0.1
+# Pictures that a decoder may hold back to bring them into order (H.264 allows 16).
+_REORDERED_FRAMES = 32
+# Sizes of a transport stream packet, bytes: plain, with time code (Blu-ray), with parity (DVB).
+_TS_PACKETS = (188, 192, 204)
+
+
+class Ending:
+    """Compares what a container announced with what came out of it.
+
+    Give it every packet of every stream and every decoded frame; then ask for the `fault`.
+    """
+
+    def __init__(self, container: InputContainer, stream: VideoStream, fps: Fraction) -> None:
+        self.announced_frames = stream.frames
+        self._announced_end = _announced_seconds(container, stream)
+        self._cut_packets = _has_cut_transport_packets(container)
+        self._video_index = stream.index
+        self._packets = 0
+        self._last_dts: float | None = None
+        self._longest_gap = float(1 / fps)
+        self._reached = 0.0
+        self._damaged_packet = False
+        self._last_pts: int | None = None
+        self._damaged_pts: deque[int | None] = deque(maxlen=_REORDERED_FRAMES)
+        self._last_frame_damaged = False
+
+    def note_packet(self, packet: Packet[Stream]) -> None:
+        """Take in one packet in the order of the file."""
+        if not packet.size:
+            return
+        self._damaged_packet = packet.is_corrupt
+        is_video = packet.stream.index == self._video_index
+        self._packets += is_video
+        if packet.pts is None or packet.time_base is None:
+            return
+        if is_video:
+            self._last_pts = packet.pts
+            self._note_gap(packet)
+        if is_video or not self.announced_frames:
+            end = float((packet.pts + (packet.duration or 0)) * packet.time_base)
+            self._reached = max(self._reached, end)
+
+    def note_frame(self, frame: VideoFrame) -> None:
+        """Take in one decoded frame."""
+        self._last_frame_damaged = frame.is_corrupt
+        if frame.is_corrupt:
+            self._damaged_pts.append(frame.pts)
+
+    def fault(self) -> str | None:
+        """How the container stopped before its end, or None; ask after its last packet."""
+        # The last packet of a file need not be its last picture.
+        last_is_cut = self._last_pts is not None and self._last_pts in self._damaged_pts
+        if self._damaged_packet or self._last_frame_damaged or last_is_cut:
+            return "its last frame is cut"
+        if self._cut_packets:
+            return "its last packet is cut"
+        return "it ends before the end it announces" if self._ends_early() else None
+
+    def _ends_early(self) -> bool:
+        # Files with dropped or trimmed frames announce more of them than they play.
+        if self._packets >= self.announced_frames > 0 or self._announced_end is None:
+            return False
+        slack = max(_SLACK_SECONDS, _SLACK_FRAMES * self._longest_gap)
+        if self.announced_frames:
+            slack = _COUNTED_SLACK_FRAMES * self._longest_gap
+        return self._reached < self._announced_end - slack
+
+    def _note_gap(self, packet: Packet[Stream]) -> None:
+        """Keep the longest time between frames; by decoding times, which never jump back."""
+        if packet.dts is None or packet.time_base is None:
+            return
+        dts = float(packet.dts * packet.time_base)
+        if self._last_dts is not None:
+            self._longest_gap = max(self._longest_gap, dts - self._last_dts)
+        self._last_dts = dts
+
+
+def _announced_seconds(container: InputContainer, stream: VideoStream) -> float | None:
+    """End of the video by its header, seconds; of the longest stream if no frames are counted.
+
+    The shorter of two statements counts: an edit list cuts the one and not the other.
+    """
+    whole = container.duration / av.time_base if container.duration else None
+    if not stream.frames:
+        return whole
+    if container.format.name == "avi" and stream.average_rate:
+        # FFmpeg shortens the duration of a cut AVI by the missing bytes; the count it keeps.
+        return float(stream.frames / stream.average_rate)
+    own = None
+    if stream.duration and stream.time_base:
+        own = float(stream.duration * stream.time_base)
+    return min((seconds for seconds in (whole, own) if seconds), default=None)
+
+
+def _has_cut_transport_packets(container: InputContainer) -> bool:
+    size = container.size
+    return container.format.name == "mpegts" and size > 0 and all(size % n for n in _TS_PACKETS)

@@ -1,0 +1,116 @@
+"""`Frame` and `Source`: pictures in the order of time, whatever they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from types import TracebackType
+from typing import TypeAlias
+
+from ssiam.errors import FrameSizeError, SourceError
+from ssiam.geometry import Image
+
+Picture: TypeAlias = tuple[float | None, Image]
+Pictures: TypeAlias = Generator[Picture, None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture of a source.
+
+    Attributes
+    ----------
+    index : int
+        Number of the frame, from 0, counted over the frames that were delivered.
+    time : float or None
+        Seconds since the first frame; None where the source tells no times.
+    image : (H, W, 3) uint8
+        BGR, upright: the rotation that phones note in their files is applied.
+    """
+
+    index: int
+    time: float | None
+    image: Image
+
+
+class Source:
+    """Iterator of `Frame`; a context manager that lets go of the file, camera or connection.
+
+    It is read once, from front to back, and holds no more than a few frames at a time. Made by
+    `open_source`; opening decodes the first frame, so that what cannot be read fails there.
+
+    Attributes
+    ----------
+    name : str
+        The source as messages call it; never holds a password.
+    fps : Fraction
+        Frames a second, exact (30000/1001 stays what it is). With variable frame rate the
+        average; the truth is in `Frame.time`.
+    length : int or None
+        Number of frames as the source announces it, for progress bars; None where it does not.
+    size_wh : (int, int)
+        Width and height of every frame, pixels.
+
+    Raises
+    ------
+    StreamError
+        While iterating: the source broke off. All frames before were delivered.
+    FrameSizeError
+        While iterating: a frame has another size than those before it.
+    """
+
+    def __init__(self, name: str, pictures: Pictures, *, fps: Fraction, length: int | None) -> None:
+        first = next(pictures, None)
+        if first is None:
+            raise SourceError(f"{name}: no frame in it can be decoded; is it damaged or truncated?")
+        self.name = name
+        self.fps = fps
+        self.length = length
+        self.size_wh = _size_wh(first[1])
+        self._pictures = pictures
+        self._frames = self._numbered(first)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self
+
+    def __next__(self) -> Frame:
+        return next(self._frames)
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the input; iteration is over afterwards. May be called twice."""
+        self._frames.close()
+        self._pictures.close()
+
+    def _numbered(self, first: Picture) -> Generator[Frame, None, None]:
+        yield Frame(0, *first)
+        # The first picture would otherwise stay in memory as long as the source.
+        del first
+        for index, (time, image) in enumerate(self._pictures, start=1):
+            if _size_wh(image) != self.size_wh:
+                raise FrameSizeError(_size_message(self.name, index, self.size_wh, image))
+            yield Frame(index, time, image)
+
+
+def _size_wh(image: Image) -> tuple[int, int]:
+    height, width = image.shape[:2]
+    return width, height
+
+
+def _size_message(name: str, index: int, size_wh: tuple[int, int], image: Image) -> str:
+    width, height = _size_wh(image)
+    return (
+        f"{name}: frame {index} (from 0) is {width}x{height} pixels, the frames before it "
+        f"{size_wh[0]}x{size_wh[1]}; split the source there or bring it to one size"
+    )

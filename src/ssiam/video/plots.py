@@ -1,0 +1,128 @@
+"""`PathPlot`: the camera's path and its steadying as a picture (Fig. 3 and 4 of the paper)."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.errors import MissingExtraError, SinkError
+from ssiam.geometry import rigid_parameters
+from ssiam.motion import Motion
+from ssiam.stabilize import CameraPath
+from ssiam.trackers import Track
+
+_RAW, _SMOOTH, _UNSURE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
+_AXES = (
+    ("dx", "px, right", 1.0),
+    ("dy", "px, down", 1.0),
+    ("da", "degrees, clockwise", 180 / np.pi),
+)
+
+
+class PathPlot:
+    """Collects the camera's motion while tracking, and draws it when closed.
+
+    Left column: the camera's path, raw and smoothed (Fig. 3). Right column: what was done to each
+    frame, after the limits of eq. 6 (Fig. 4). Grey: frames whose motion could not be told.
+
+    Parameters
+    ----------
+    path : Path
+        The picture to write; its suffix (.png, .svg, .pdf) says how.
+    window : int
+        Frames of the moving average.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib is not installed.
+    SinkError
+        The picture cannot be written.
+    """
+
+    def __init__(self, path: Path, window: int) -> None:
+        if importlib.util.find_spec("matplotlib") is None:
+            raise MissingExtraError("a plot needs matplotlib: pip install 'ssiam[plot]'")
+        if not path.parent.is_dir():
+            raise SinkError(f"{path}: the folder {path.parent} does not exist; make it first")
+        if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise SinkError(f"{path}: a plot is written as .png, .svg or .pdf")
+        self._path = path
+        self._camera_path = CameraPath(window)
+        self._rows: list[tuple[float, ...]] = []
+
+    def write(self, track: Track) -> None:
+        """Take note of one frame's motion and steadying; frames without them are left out."""
+        if track.motion is None or track.stab_from_raw is None:
+            return
+        motion = track.motion
+        if motion.reliable:
+            self._camera_path.advance(motion)
+        self._rows.append((*motion.shift_angle, *self._difference(), *_correction(track, motion)))
+
+    def _difference(self) -> NDArray[np.float64]:
+        return self._camera_path.difference() if self._camera_path.started else np.zeros(3)
+
+    def __enter__(self) -> PathPlot:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._rows:
+            self._draw(np.array(self._rows))
+
+    def _draw(self, rows: NDArray[np.float64]) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(11, 7), layout="constrained")
+        FigureCanvasAgg(figure)
+        motions, differences, corrections = rows[:, :3], rows[:, 3:6], rows[:, 6:9]
+        paths = motions.cumsum(axis=0)
+        unsure = np.flatnonzero(rows[:, 9] == 0)
+        panels = figure.subplots(3, 2, sharex=True, squeeze=False)
+        for axis, (name, unit, factor) in enumerate(_AXES):
+            left, right = panels[axis]
+            smooth = paths[:, axis] + differences[:, axis]
+            left.plot(factor * paths[:, axis], color=_RAW, lw=1.2, label="camera path")
+            left.plot(factor * smooth, color=_SMOOTH, lw=1.6, label="smoothed path")
+            left.set_ylabel(f"{name}  ({unit})")
+            right.plot(factor * corrections[:, axis], color=_SMOOTH, lw=1.2)
+            for panel in (left, right):
+                _style(panel, unsure)
+        panels[0, 0].legend(loc="best", frameon=False, fontsize=9)
+        panels[0, 0].set_title("Path of the camera (Fig. 3)", loc="left", fontsize=11)
+        panels[0, 1].set_title("Steadying of each frame (Fig. 4)", loc="left", fontsize=11)
+        for panel in panels[2]:
+            panel.set_xlabel("frame")
+        self._save(figure)
+
+    def _save(self, figure: Any) -> None:
+        try:
+            figure.savefig(self._path, dpi=130)
+        except OSError as error:
+            raise SinkError(f"{self._path}: cannot be written ({error.strerror})") from error
+
+
+def _correction(track: Track, motion: Motion) -> tuple[float, ...]:
+    """(dx', dy', da') of the steadying and 1.0 or 0.0 for a reliable motion."""
+    width, height = motion.size_wh
+    assert track.stab_from_raw is not None
+    shift_angle = rigid_parameters(track.stab_from_raw, ((width - 1) / 2, (height - 1) / 2))
+    return (*shift_angle, float(motion.reliable))
+
+
+def _style(panel: Any, unsure: NDArray[np.intp]) -> None:
+    for frame in unsure:
+        panel.axvspan(frame - 0.5, frame + 0.5, color=_UNSURE, lw=0, zorder=0)
+    panel.grid(alpha=0.25)
+    panel.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,256 @@
+"""Video files: what comes out of them, frame by frame."""
+
+from __future__ import annotations
+
+import struct
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+from clips import NTSC, decoded, number_in, picture, python, shared, write_clip
+
+from ssiam.errors import FrameSizeError, SourceError
+from ssiam.video import open_source
+
+WHOLE_FILES = [
+    # name, codec, options of the container
+    ("plain.mp4", "libx264", {}),
+    ("faststart.mp4", "libx264", {"movflags": "faststart"}),
+    ("fragmented.mp4", "libx264", {"movflags": "frag_keyframe+empty_moov"}),
+    ("clip.mov", "mjpeg", {}),
+    ("clip.mkv", "libx264", {}),
+    ("live.mkv", "libx264", {"live": "1"}),
+    ("clip.webm", "libvpx", {}),
+    ("clip.avi", "mpeg4", {}),
+    ("mjpeg.avi", "mjpeg", {}),
+    ("clip.ts", "libx264", {}),
+    ("clip.flv", "libx264", {}),
+    ("clip.mpg", "mpeg2video", {}),
+]
+
+
+@pytest.mark.parametrize(("name", "codec", "options"), WHOLE_FILES, ids=lambda v: str(v)[:20])
+def test_whole_file_gives_every_frame_in_order_with_exact_rate(tmp_path, name, codec, options):
+    path = write_clip(tmp_path / name, 40, codec=codec, options=options)
+    with open_source(path) as source:
+        assert source.fps == NTSC
+        assert source.size_wh == (160, 96)
+        frames = list(source)
+    assert [number_in(frame.image) for frame in frames] == list(range(40))
+    assert [frame.index for frame in frames] == list(range(40))
+    times = [frame.time for frame in frames]
+    assert times == pytest.approx([float(i / NTSC) for i in range(40)], abs=0.0011)
+
+
+def test_length_is_the_announced_count(tmp_path):
+    for name in ("a.mp4", "a.avi", "a.mkv"):
+        codec = "mpeg4" if name.endswith("avi") else "libx264"
+        with open_source(write_clip(tmp_path / name, 25, codec=codec)) as source:
+            assert source.length == 25
+
+
+@pytest.mark.parametrize("name", ["vfr.mp4", "vfr.mkv"])
+def test_variable_frame_rate_keeps_its_times(tmp_path, name):
+    seconds = [0, 0.04, 0.08, 0.5, 0.52, 1.7, 1.8, 2.9, 2.94, 3.0]
+    path = write_clip(tmp_path / name, 10, rate=Fraction(25), seconds=seconds)
+    with open_source(path) as source:
+        assert [frame.time for frame in source] == pytest.approx(seconds, abs=0.0011)
+        # Ten frames in three seconds, not the 25 of the encoder's setting.
+        assert 2.5 < source.fps < 4
+
+
+def test_times_count_from_the_first_frame(tmp_path):
+    path = write_clip(tmp_path / "late.mkv", 5, seconds=[7.0, 7.1, 7.2, 7.3, 7.4])
+    with open_source(path) as source:
+        assert [frame.time for frame in source] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+
+
+ROTATIONS = [
+    # display matrix of the track header, corner (row, column) where the raw top left ends up
+    ("upright", (1, 0, 0, 1), (96, 160), (0, 0)),
+    ("quarter turn clockwise", (0, 1, -1, 0), (160, 96), (0, -1)),
+    ("upside down", (-1, 0, 0, -1), (96, 160), (-1, -1)),
+    ("quarter turn counter-clockwise", (0, -1, 1, 0), (160, 96), (-1, 0)),
+]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "shape", "corner"), [r[1:] for r in ROTATIONS], ids=[r[0] for r in ROTATIONS]
+)
+def test_rotation_of_phone_videos_is_applied(tmp_path, matrix, shape, corner):
+    path = tmp_path / "phone.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        image = np.zeros((96, 160, 3), np.uint8)
+        image[:32, :32] = 255
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    _set_display_matrix(path, matrix)
+    with open_source(path) as source:
+        upright = next(source).image
+    assert upright.shape[:2] == shape
+    assert source.size_wh == shape[::-1]
+    bright = [c for c in ((0, 0), (0, -1), (-1, 0), (-1, -1)) if upright[c].mean() > 127]
+    assert bright == [corner]
+
+
+def _set_display_matrix(path, matrix):
+    data = bytearray(path.read_bytes())
+    a, b, c, d = (value << 16 for value in matrix)
+    struct.pack_into(">9i", data, data.index(b"tkhd") + 44, a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(data)
+
+
+def test_trimmed_by_an_edit_list_is_whole(tmp_path):
+    path = write_clip(tmp_path / "trimmed.mp4", 60, codec_options={"bf": "0"})
+    data = bytearray(path.read_bytes())
+    # One second is shown of the two that the file holds.
+    struct.pack_into(">I", data, data.index(b"elst") + 12, 1000)
+    path.write_bytes(data)
+    with open_source(path) as source:
+        assert [number_in(frame.image) for frame in source] == list(range(30))
+
+
+def test_colours_survive(tmp_path):
+    path = tmp_path / "hd.mp4"
+    colour = (40, 60, 220)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=25, options={"crf": "1"})
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        stream.codec_context.colorspace = 1
+        image = np.full((96, 160, 3), colour, np.uint8)
+        frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+        container.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace="ITU709")))
+        container.mux(stream.encode())
+    with open_source(path) as source:
+        assert next(source).image[48, 80] == pytest.approx(colour, abs=4)
+
+
+def test_damaged_packet_in_the_middle_does_not_end_the_stream(tmp_path):
+    path = write_clip(tmp_path / "scratched.mkv", 60, codec="mpeg4")
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 40] = bytes(range(40))
+    path.write_bytes(data)
+    with open_source(path) as source:
+        numbers = [number_in(frame.image) for frame in source]
+    assert len(numbers) >= 58
+    assert numbers[-1] == 59
+
+
+def test_changed_frame_size_names_frame_and_sizes(tmp_path):
+    small = write_clip(tmp_path / "a.ts", 10)
+    large = write_clip(tmp_path / "b.ts", 10, size=(320, 192))
+    joined = tmp_path / "joined.ts"
+    joined.write_bytes(small.read_bytes() + large.read_bytes())
+    delivered = 0
+    with open_source(joined) as source:
+        with pytest.raises(FrameSizeError, match=r"joined\.ts: frame 10 .*320x192.*160x96"):
+            for _ in source:
+                delivered += 1
+        assert next(source, None) is None
+    assert delivered == 10
+
+
+def _audio_only(path):
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=48000, layout="mono")
+        for index in range(20):
+            silence = np.zeros((1, 1024), np.float32)
+            frame = av.AudioFrame.from_ndarray(silence, format="fltp", layout="mono")
+            frame.sample_rate, frame.pts = 48000, index * 1024
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+UNREADABLE = [
+    # name of the case, file, what makes it, words of the message
+    ("missing", "nowhere.mp4", lambda path: None, "no such file"),
+    ("empty", "empty.mp4", lambda path: path.write_bytes(b""), "empty"),
+    ("text as mp4", "notes.mp4", lambda path: path.write_text("a note\n" * 99), "is it a video"),
+    ("text", "notes.txt", lambda path: path.write_text("a note\n" * 99), "video"),
+    ("no index", "lost.mp4", lambda path: write_clip(path) and _halve(path), "truncated"),
+    ("only sound", "song.m4a", _audio_only, "only sound"),
+    ("empty folder", "folder", lambda path: path.mkdir(), "holds no images"),
+    ("number", "7777", lambda path: None, "no such file"),
+]
+
+
+def _halve(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "words"), [u[1:] for u in UNREADABLE], ids=[u[0] for u in UNREADABLE]
+)
+def test_unreadable_file_is_named_in_one_line(tmp_path, name, make, words):
+    path = tmp_path / name
+    make(path)
+    with pytest.raises(SourceError) as caught:
+        open_source(path)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert words in message
+    assert "\n" not in message
+
+
+def test_absent_camera_is_named(tmp_path):
+    for spec in ("99", 99, -1, "/dev/video99"):
+        with pytest.raises(SourceError, match=r"^camera -?\d+: there is no such camera"):
+            open_source(spec)
+
+
+@pytest.mark.parametrize("name", ["a:b.mp4", "50%d.mp4", "gr\u00f6\u00dfe \u5f71.mp4", "#?.mp4"])
+def test_any_file_name_will_do(tmp_path, name):
+    path = tmp_path / name
+    write_clip(tmp_path / "plain.mp4", 3).rename(path)
+    with open_source(str(path)) as source:
+        assert len(list(source)) == 3
+    with open_source(path.as_uri()) as source:
+        assert len(list(source)) == 3
+
+
+def test_closed_source_is_over(tmp_path):
+    source = open_source(write_clip(tmp_path / "a.mp4", 10))
+    next(source)
+    source.close()
+    source.close()
+    assert next(source, None) is None
+
+
+_PEAK = """
+import resource, sys
+from ssiam.video import open_source
+with open_source(sys.argv[1]) as source:
+    for frame in source:
+        pass
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path):
+    peaks = []
+    for count in (30, 300):
+        path = write_clip(
+            tmp_path / f"{count}.mp4", count, size=(640, 360), codec_options={"preset": "ultrafast"}
+        )
+        process = python(_PEAK, str(path), stdout=-1)
+        peaks.append(int(process.communicate()[0]))
+    # 270 frames more are 178 MB of pixels.
+    assert peaks[1] - peaks[0] < 15
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("handheld.mp4", 133), ("shaky-5.avi", 496)], ids=["handheld", "shaky"]
+)
+def test_real_clips_are_whole(name, count):
+    path = shared("data", "videos", name)
+    with open_source(path) as source:
+        frames = sum(1 for _ in source)
+    assert frames == count == len(decoded(path))
+
+
+def test_picture_numbers_can_be_read():
+    assert [number_in(picture(n)) for n in (0, 1, 77, 255)] == [0, 1, 77, 255]

@@ -1,0 +1,166 @@
+"""Standard input and network addresses; the network is this machine's own."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import socketserver
+import subprocess
+import threading
+from contextlib import contextmanager
+from functools import partial
+
+import pytest
+from clips import NTSC, number_in, picture, python, write_clip, y4m
+
+from ssiam.errors import SourceError, StreamError
+from ssiam.video import open_source
+from ssiam.video.addresses import public_name
+
+_READ_STDIN = """
+import json, sys
+from fractions import Fraction
+from clips import number_in
+from ssiam.errors import SsiamError
+from ssiam.video import RawFormat, open_source
+raw = RawFormat((160, 96), sys.argv[1], Fraction(25)) if len(sys.argv) > 1 else None
+told = {"numbers": [], "times": []}
+try:
+    with open_source("-", raw=raw) as source:
+        told["fps"] = str(source.fps)
+        for frame in source:
+            told["numbers"].append(number_in(frame.image))
+            told["times"].append(frame.time)
+except SsiamError as error:
+    told["error"] = f"{type(error).__name__}: {error}"
+print(json.dumps(told))
+"""
+
+
+def _read_piped(data, *args):
+    process = python(_READ_STDIN, *args, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    return json.loads(process.communicate(data)[0])
+
+
+def test_y4m_from_standard_input():
+    told = _read_piped(y4m(range(12)))
+    assert told["numbers"] == list(range(12))
+    assert told["fps"] == str(NTSC)
+    assert told["times"] == pytest.approx([float(i / NTSC) for i in range(12)])
+    assert "error" not in told
+
+
+@pytest.mark.parametrize("name", ["clip.ts", "clip.mkv", "clip.avi"])
+def test_containers_from_standard_input(tmp_path, name):
+    codec = "mpeg4" if name.endswith("avi") else "libx264"
+    told = _read_piped(write_clip(tmp_path / name, 20, codec=codec).read_bytes())
+    assert told["numbers"] == list(range(20))
+    assert told["fps"] == str(NTSC)
+    assert "error" not in told
+
+
+@pytest.mark.parametrize("pixel_format", ["bgr24", "rgb24"])
+def test_raw_frames_from_standard_input(pixel_format):
+    told = _read_piped(b"".join(picture(n).tobytes() for n in range(5)), pixel_format)
+    assert told["numbers"] == list(range(5))
+    assert told["times"] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
+    assert "error" not in told
+
+
+PIPED_TROUBLE = [
+    # name of the case, bytes, arguments, frames delivered, error
+    ("nothing", b"", (), 0, "SourceError: standard input:"),
+    ("text", b"hello\n" * 500, (), 0, "SourceError: standard input:"),
+    ("y4m cut in a frame", y4m(range(6))[:-5000], (), 5, "StreamError: standard input: broke off"),
+    ("raw cut", bytes(160 * 96 * 3 * 2 + 9), ("bgr24",), 2, "StreamError: standard input: broke"),
+    ("no such pixel format", bytes(99999), ("bgr42",), 0, "SourceError: standard input:"),
+]
+
+
+@pytest.mark.parametrize(
+    ("data", "args", "count", "error"),
+    [t[1:] for t in PIPED_TROUBLE],
+    ids=[t[0] for t in PIPED_TROUBLE],
+)
+def test_trouble_on_standard_input(data, args, count, error):
+    told = _read_piped(data, *args)
+    assert len(told["numbers"]) == count
+    assert told["error"].startswith(error)
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *args):
+        pass
+
+
+class _BreaksOff(_Quiet):
+    """Promises the whole file and hangs up after half of it."""
+
+    def do_GET(self):
+        with open(self.translate_path(self.path), "rb") as file:
+            data = file.read()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data[: len(data) // 2])
+
+
+@contextmanager
+def _served(handler):
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+
+
+@pytest.mark.parametrize("name", ["clip.mp4", "clip.mkv", "clip.ts"])
+def test_http(tmp_path, name):
+    write_clip(tmp_path / name, 20)
+    with _served(partial(_Quiet, directory=tmp_path)) as address:
+        with open_source(f"{address}/{name}") as source:
+            assert source.name == f"{address}/{name}"
+            assert source.fps == NTSC
+            assert [number_in(frame.image) for frame in source] == list(range(20))
+
+
+def test_http_server_that_hangs_up(tmp_path):
+    write_clip(tmp_path / "clip.mkv", 60)
+    delivered = []
+    with _served(partial(_BreaksOff, directory=tmp_path)) as address:
+        with open_source(f"{address}/clip.mkv") as source:
+            with pytest.raises(StreamError, match="broke off after"):
+                delivered.extend(number_in(frame.image) for frame in source)
+    assert delivered == list(range(len(delivered)))
+    assert 10 < len(delivered) < 50
+
+
+def test_missing_and_unreachable_addresses_show_no_secret(tmp_path):
+    with _served(partial(_Quiet, directory=tmp_path)) as address:
+        host = address.removeprefix("http://")
+        specs = [
+            f"http://anna:hunter2@{host}/none.mp4?token=hunter2",
+            "rtsp://anna:hunter2@127.0.0.1:9/live?key=hunter2",
+            "tcp://anna:hunter2@127.0.0.1:9",
+            "nothing://anna:hunter2@127.0.0.1/",
+        ]
+        for spec in specs:
+            with pytest.raises(SourceError) as caught:
+                open_source(spec)
+            assert "127.0.0.1" in str(caught.value)
+            assert "hunter2" not in str(caught.value)
+            assert caught.value.__suppress_context__
+
+
+NAMES = [
+    ("rtsp://cam/live", "rtsp://cam/live"),
+    ("rtsp://u:p@cam:554/live", "rtsp://cam:554/live"),
+    ("rtsp://u:p@ss@cam/live", "rtsp://cam/live"),
+    ("rtsp://u:p/w@cam/live", "rtsp://cam/live"),
+    ("http://cam/live?user=u&pwd=p#x", "http://cam/live"),
+    ("http://cam?pwd=a@b", "http://cam"),
+]
+
+
+@pytest.mark.parametrize(("address", "public"), NAMES, ids=[n[0] for n in NAMES])
+def test_public_name(address, public):
+    assert public_name(address) == public

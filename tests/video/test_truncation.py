@@ -1,0 +1,128 @@
+"""Files that break off: what is left is delivered, and the loss is told."""
+
+from __future__ import annotations
+
+import os
+import random
+from pathlib import Path
+
+import pytest
+from clips import cut, number_in, shared, write_clip
+
+from ssiam.errors import SourceError, SsiamError, StreamError
+from ssiam.video import RawFormat, open_source
+
+CONTAINERS = [
+    # name, codec, options of the container, announced frames
+    ("faststart.mp4", "libx264", {"movflags": "faststart"}, 60),
+    ("fragmented.mp4", "libx264", {"movflags": "frag_keyframe+empty_moov"}, None),
+    ("clip.mov", "mjpeg", {"movflags": "faststart"}, 60),
+    ("clip.mkv", "libx264", {}, 60),
+    ("clip.webm", "libvpx", {}, 60),
+    ("clip.avi", "mpeg4", {}, 60),
+    ("mjpeg.avi", "mjpeg", {}, 60),
+    ("clip.flv", "libx264", {}, None),
+    ("clip.ts", "libx264", {}, None),
+]
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5])
+@pytest.mark.parametrize(
+    ("name", "codec", "options", "announced"), CONTAINERS, ids=[c[0] for c in CONTAINERS]
+)
+def test_cut_file_delivers_the_rest_and_then_says_so(
+    tmp_path, name, codec, options, announced, share
+):
+    small_pieces = {"g": "10"}
+    path = cut(
+        write_clip(tmp_path / name, codec=codec, options=options, codec_options=small_pieces), share
+    )
+    numbers = []
+    with (
+        open_source(path) as source,
+        pytest.raises(StreamError, match=rf"{name}: broke off after \d+") as caught,
+    ):
+        for frame in source:
+            numbers.append(number_in(frame.image))
+    assert numbers == list(range(len(numbers)))
+    assert 60 * (share - 0.25) < len(numbers) < 60 * share + 6
+    if announced:
+        assert f"after {len(numbers)} of {announced} frames" in str(caught.value)
+
+
+def test_transport_stream_cut_between_its_packets_is_noticed(tmp_path):
+    path = write_clip(tmp_path / "clip.ts", size=(320, 192), codec_options={"crf": "10"})
+    data = path.read_bytes()
+    for share in (0.3, 0.52, 0.77):
+        path.write_bytes(data[: int(len(data) * share) // 188 * 188])
+        with open_source(path) as source, pytest.raises(StreamError, match="last frame is cut"):
+            list(source)
+
+
+def test_index_lost_says_truncated(tmp_path):
+    path = cut(write_clip(tmp_path / "clip.mp4"), 0.9)
+    with pytest.raises(SourceError, match="truncated"):
+        open_source(path)
+
+
+def test_cut_before_the_first_frame_cannot_be_opened(tmp_path):
+    path = cut(write_clip(tmp_path / "clip.mkv"), 0.05)
+    with pytest.raises(SourceError, match=r"no frame .* truncated"):
+        open_source(path)
+
+
+def test_raw_file_with_half_a_frame_at_its_end(tmp_path):
+    path = tmp_path / "frames.raw"
+    path.write_bytes(bytes(160 * 96 * 3 * 4 + 1000))
+    with open_source(path, raw=RawFormat((160, 96))) as source:
+        with pytest.raises(StreamError, match="broke off after 4"):
+            list(source)
+
+
+def test_half_of_a_real_recording():
+    data = shared("data", "videos", "shaky-5.avi").read_bytes()
+    path = Path(os.environ.get("TMPDIR", "/tmp")) / f"ssiam-half-{os.getpid()}.avi"
+    path.write_bytes(data[: len(data) // 2])
+    try:
+        with open_source(path) as source, pytest.raises(StreamError, match="of 496 frames"):
+            list(source)
+    finally:
+        path.unlink()
+
+
+def _scratched(data, rng):
+    for _ in range(rng.choice([1, 10, 200])):
+        data[rng.randrange(min(len(data), rng.choice([300, 3000, 10**9])))] = rng.randrange(256)
+    return data
+
+
+def _gapped(data, rng):
+    start = rng.randrange(len(data))
+    return data[:start] + data[start + rng.randrange(1, 4000) :]
+
+
+DAMAGE = {
+    "scratched": _scratched,
+    "gapped": _gapped,
+    "cut": lambda data, rng: data[: rng.randrange(len(data))],
+    "headless": lambda data, rng: data[rng.randrange(len(data)) :],
+    "noise": lambda data, rng: bytearray(rng.randbytes(3000)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_garbage_raises_nothing_but_our_errors(tmp_path, damage):
+    rng = random.Random(damage)
+    clips = [write_clip(tmp_path / n, 20, codec=c) for n, c, _, _ in CONTAINERS]
+    failures = 0
+    for turn in range(36):
+        clip = clips[turn % len(clips)]
+        path = tmp_path / f"garbage{clip.suffix}"
+        path.write_bytes(DAMAGE[damage](bytearray(clip.read_bytes()), rng))
+        try:
+            with open_source(path) as source:
+                list(source)
+        except SsiamError as error:
+            failures += 1
+            assert "\n" not in str(error)
+    assert failures > 0
