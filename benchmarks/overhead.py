@@ -66,10 +66,8 @@ def main() -> None:
         if name.startswith("nano") and not WEIGHTS.is_dir():
             continue
         ms = measure(arguments.source, box, name, arguments.frames)
-        ratio = ms["paper"] / ms["off"]
-        print(
-            f"| {name} | {ms['off']:.2f} | {ms['paper']:.2f} | {ms['difference']:.2f} | {ratio:.2f} |"
-        )
+        cells = [f"{value:.2f}" for value in (*ms.values(), ms["paper"] / ms["off"])]
+        print(f"| {name} | " + " | ".join(cells) + " |")
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ class Sequence:
 
 
 def read_sequence(name: str) -> Sequence:
-    """A sequence in the layout it was published in; OTB's boxes are 1-based, the others' 0-based."""
+    """A sequence in the layout it was published in; OTB's boxes are 1-based, others 0-based."""
     folder = SEQUENCES / name
     if not folder.is_dir():
         raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")

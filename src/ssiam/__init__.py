@@ -9,6 +9,7 @@ motion, steady the frame, run an unchanged tracker on the steadied view, map the
 """
 
 from ssiam.errors import (
+    ArgumentError,
     FrameSizeError,
     MissingExtraError,
     SinkError,
@@ -23,6 +24,7 @@ from ssiam.trackers import TRACKERS, SteadiedTracker, Track, TrackerGroup, load_
 
 __all__ = [
     "TRACKERS",
+    "ArgumentError",
     "CameraMotion",
     "FrameSizeError",
     "FrameView",

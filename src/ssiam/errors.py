@@ -1,10 +1,14 @@
-"""The exceptions of ssiam: everything it raises on purpose, `ValueError` for arguments aside."""
+"""The exceptions of ssiam: everything that it raises on purpose."""
 
 from __future__ import annotations
 
 
 class SsiamError(Exception):
     """Base of all exceptions of this package; its text is one line written for the user."""
+
+
+class ArgumentError(SsiamError, ValueError):
+    """A value that cannot be used: an empty box, an unknown name, a negative limit."""
 
 
 class WeightsError(SsiamError):

@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssiam.errors import ArgumentError
+
 Transform: TypeAlias = NDArray[np.float64]
 Points: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]
@@ -135,18 +137,18 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     """
     values = tuple(float(v) for v in xywh)
     if len(values) != 4:
-        raise ValueError(f"box {values} has {len(values)} numbers, not x, y, width, height")
+        raise ArgumentError(f"box {values} has {len(values)} numbers, not x, y, width, height")
     x, y, w, h = values
     if not np.isfinite(values).all():
-        raise ValueError(f"box {values} holds a number that is not finite")
+        raise ArgumentError(f"box {values} holds a number that is not finite")
     if w < 1 or h < 1:
-        raise ValueError(
+        raise ArgumentError(
             f"box {values} is empty: width and height must be at least 1 pixel "
             "(x, y is the top left corner)"
         )
     width, height = size_wh
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
-        raise ValueError(f"box {values} lies outside of the frame of {width}x{height} pixels")
+        raise ArgumentError(f"box {values} lies outside of the frame of {width}x{height} pixels")
     return x, y, w, h
 
 
@@ -154,6 +156,6 @@ def check_frame(frame: Image) -> None:
     """Raise `ValueError` unless the frame is a non-empty (H, W, 3) uint8 array."""
     if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
         form = f"{frame.shape} {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame)
-        raise ValueError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
+        raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
     if frame.shape[2] != 3 or frame.size == 0:
-        raise ValueError(f"a frame has 3 channels and some pixels, not the shape {frame.shape}")
+        raise ArgumentError(f"a frame has 3 channels and some pixels, not the shape {frame.shape}")

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import ssiam
+from ssiam.errors import SsiamError
 
 NTSC = Fraction(30000, 1001)
 WIDTH, HEIGHT = 160, 96
@@ -75,6 +76,17 @@ def y4m(numbers: Iterable[int], rate: Fraction = NTSC) -> bytes:
         frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
         parts += [b"FRAME\n", frame.reformat(format="yuv420p").to_ndarray().tobytes()]
     return b"".join(parts)
+
+
+def drained(frames):
+    """The numbers in the frames that came, and the error of ours that ended them, or None."""
+    numbers = []
+    try:
+        for frame in frames:
+            numbers.append(number_in(frame.image))
+    except SsiamError as error:
+        return numbers, error
+    return numbers, None
 
 
 def cut(path: Path, share: float) -> Path:

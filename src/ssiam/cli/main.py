@@ -18,7 +18,7 @@ INTERRUPTED = 128 + signal.SIGINT
 app = App(
     name="ssiam",
     help="Keep hold of a chosen object in video from a shaking, moving camera.",
-    help_format="plaintext",
+    help_format="markdown",
     help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off "
     "(what was tracked is kept).",
     print_error=False,

@@ -7,19 +7,21 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated
 
 import cv2
-from cyclopts import Group, Parameter, Token
+from cyclopts import Group, Parameter
 
-from ssiam.cli.report import Progress, Report
 from ssiam.cli.outputs import Outputs
-from ssiam.errors import SsiamError
+from ssiam.cli.report import Progress, Report
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
 from ssiam.video import Frame, RawFormat, Source, open_source
+
+_PAPER = StabilizerConfig()
 
 _TARGET = Group("Target", sort_key=1)
 _OUTPUT = Group("Output", sort_key=2)
@@ -27,38 +29,14 @@ _STEADYING = Group("Steadying", sort_key=3)
 _RUNNING = Group("Running", sort_key=4)
 
 
-class UsageError(SsiamError):
-    """An argument that cannot be used."""
-
-
-def _box(kind: Any, tokens: Sequence[Token]) -> XYWH:
-    try:
-        x, y, w, h = (float(number) for number in tokens[0].value.split(","))
-    except ValueError:
-        raise ValueError(
-            f"{tokens[0].value!r} is not a box: give x,y,width,height in pixels, such as 120,80,40,60"
-        ) from None
-    return x, y, w, h
-
-
-def _raw_format(kind: Any, tokens: Sequence[Token]) -> RawFormat:
-    try:
-        size, pixel_format, fps = tokens[0].value.split(",")
-        width, height = (int(number) for number in size.split("x"))
-        return RawFormat((width, height), pixel_format, Fraction(fps))
-    except (ValueError, ZeroDivisionError):
-        raise ValueError(
-            f"{tokens[0].value!r} is not a raw format: give size, layout, rate such as 640x360,bgr24,30"
-        ) from None
-
-
-Box: TypeAlias = Annotated[XYWH, Parameter(converter=_box, n_tokens=1, allow_leading_hyphen=True)]
-
-
 def track(
     source: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    /,
     *,
-    box: Annotated[list[Box], Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True)],
+    box: Annotated[
+        list[str],
+        Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True, metavar="X,Y,W,H"),
+    ],
     tracker: Annotated[TrackerName, Parameter(group=_TARGET)] = DEFAULT_TRACKER,
     weights: Annotated[Path | None, Parameter(group=_TARGET)] = None,
     out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
@@ -66,12 +44,10 @@ def track(
     layout: Annotated[str | None, Parameter(group=_OUTPUT)] = None,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
-    raw: Annotated[
-        RawFormat | None, Parameter(group=_RUNNING, converter=_raw_format, n_tokens=1)
-    ] = None,
+    raw: Annotated[str | None, Parameter(group=_RUNNING, metavar="WxH,LAYOUT,FPS")] = None,
     runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
     threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = StabilizerConfig(),
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _PAPER,
 ) -> None:
     """Follow targets through a video from a moving camera.
 
@@ -108,17 +84,15 @@ def track(
         CPU threads.
     """
     cv2.setNumThreads(threads)
+    boxes = [_box(text) for text in box]
     with ExitStack() as stack:
-        frames = stack.enter_context(open_source(source, raw=raw))
+        frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
         first = next(frames)
-        try:
-            steadied = load_tracker(
-                tracker, weights=weights, stabilize=config, runtime=runtime, threads=threads
-            )
-            group = TrackerGroup(steadied)
-            group.init(first.image, box)
-        except ValueError as error:
-            raise UsageError(str(error)) from error
+        steadied = load_tracker(
+            tracker, weights=weights, stabilize=config, runtime=runtime, threads=threads
+        )
+        group = TrackerGroup(steadied)
+        group.init(first.image, boxes)
         if out is None and results is None and plot is None:
             out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
         outputs = Outputs(
@@ -129,12 +103,12 @@ def track(
             plot=plot,
             side_by_side=side_by_side,
             config=config,
-            targets=len(box),
+            targets=len(boxes),
         )
-        report = Report(frames.name, tracker, config.stabilize, len(box))
+        report = Report(frames.name, tracker, config.stabilize, len(boxes))
         stack.callback(report.show, outputs.written)
         stack.enter_context(outputs)
-        _follow(group, first, frames, box, outputs, report)
+        _follow(group, first, frames, boxes, outputs, report)
 
 
 def _follow(
@@ -154,6 +128,30 @@ def _follow(
             report.add(tracks)
             outputs.write(frame, tracks, report.clock.fps)
             progress.step(report.clock.fps)
+
+
+def _box(text: str) -> XYWH:
+    try:
+        x, y, w, h = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ArgumentError(
+            f"--box {text!r} is not a box: give x,y,width,height in pixels, such as 120,80,40,60"
+        ) from None
+    return x, y, w, h
+
+
+def _raw_format(text: str | None) -> RawFormat | None:
+    if text is None:
+        return None
+    try:
+        size, pixel_format, fps = text.split(",")
+        width, height = (int(number) for number in size.split("x"))
+        return RawFormat((width, height), pixel_format, Fraction(fps))
+    except (ValueError, ZeroDivisionError):
+        raise ArgumentError(
+            f"--raw {text!r} is not a raw format: give size, layout and rate, "
+            "such as 640x360,bgr24,30"
+        ) from None
 
 
 def _stem(source: str) -> str:

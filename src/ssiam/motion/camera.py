@@ -17,7 +17,7 @@ from ssiam.motion.motion import Motion
 
 _GROW: Final = 0.10  # of the target's size, added on each side: its edges move with it
 _MIN_POINTS: Final = 12  # agreeing pairs below which a fit proves nothing
-_MIN_SHARE: Final = 0.30  # of the pairs that must agree
+_MIN_SHARE: Final = 0.20  # of the pairs that must agree
 _TOLERANCE: Final = 1.5 / 640  # px per px of width by which agreeing pairs may differ
 _MAX_SHIFT: Final = 0.30  # of the width between two frames; beyond it is a cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames

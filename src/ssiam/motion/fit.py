@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.errors import ArgumentError
 from ssiam.geometry import Points, Transform, map_points
 
 FitName: TypeAlias = Literal["robust", "least_squares"]
@@ -29,7 +30,7 @@ def fit_rigid(
     A pair agrees when the transform takes it to within `tolerance` pixels.
     """
     if method not in get_args(FitName):
-        raise ValueError(f"unknown fit {method!r}: choose from {', '.join(get_args(FitName))}")
+        raise ArgumentError(f"unknown fit {method!r}: choose from {', '.join(get_args(FitName))}")
     cur_from_prev = (
         least_squares(prev_xy, cur_xy)
         if method == "least_squares"

@@ -9,7 +9,7 @@ from ssiam.geometry import Image
 from ssiam.motion.keypoints import Keypoints
 
 _WINDOW = (21, 21)  # px
-_LEVELS = 3  # 21 px at 1/8 of the size follows shifts of some 80 px
+_LEVELS = 4  # 21 px at 1/16 of the size follows shifts of some 100 px
 _STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)  # iterations, px
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.errors import ArgumentError
 from ssiam.geometry import Image
 
 KeypointName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
@@ -42,7 +43,9 @@ def keypoint_generator(name: KeypointName) -> KeypointGenerator:
             return _corners(harris=False)
         case "harris":
             return _corners(harris=True)
-    raise ValueError(f"unknown keypoints {name!r}: choose from {', '.join(get_args(KeypointName))}")
+    raise ArgumentError(
+        f"unknown keypoints {name!r}: choose from {', '.join(get_args(KeypointName))}"
+    )
 
 
 def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:

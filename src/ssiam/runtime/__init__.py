@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
+from ssiam.errors import ArgumentError
 from ssiam.runtime.network import Network, RuntimeName, Tensor
 
 __all__ = ["Network", "RuntimeName", "Tensor", "load_network"]
@@ -23,7 +24,7 @@ def load_network(
     missing or damaged, `ValueError` for an unknown runtime.
     """
     if runtime != "openvino":
-        raise ValueError(f"unknown runtime {runtime!r}: choose from {get_args(RuntimeName)}")
+        raise ArgumentError(f"unknown runtime {runtime!r}: choose from {get_args(RuntimeName)}")
     from ssiam.runtime.openvino import OpenVinoNetwork
 
     return OpenVinoNetwork(path, input_shape, threads)

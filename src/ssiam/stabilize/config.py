@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
+from ssiam.errors import ArgumentError
 from ssiam.motion import FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal"]
@@ -30,10 +31,14 @@ class StabilizerConfig:
         the smoothed path is not steadied.
     border : int
         N of eq. 6: pixels added on each side of the steadied frame, so that nothing is lost.
-    thx1, thy1 : float
-        THx1, THy1 of eq. 6, pixels: the shift is at most N + THx1 along x, N + THy1 along y.
-    thx2, thy2 : float
-        THx2, THy2 of eq. 6, pixels per frame: how much the shift may change along x and y.
+    thx1 : float
+        THx1 of eq. 6, pixels: the shift along x is at most N + THx1.
+    thy1 : float
+        THy1 of eq. 6, pixels: the shift along y is at most N + THy1.
+    thx2 : float
+        THx2 of eq. 6, pixels per frame: how much the shift along x may change.
+    thy2 : float
+        THy2 of eq. 6, pixels per frame: how much the shift along y may change.
     tha : float
         THa of eq. 6, radians: the largest rotation.
     """
@@ -52,11 +57,11 @@ class StabilizerConfig:
 
     def __post_init__(self) -> None:
         if self.stabilize not in get_args(Method):
-            raise ValueError(
+            raise ArgumentError(
                 f"unknown stabilize {self.stabilize!r}: choose from {', '.join(get_args(Method))}"
             )
         if self.window < 1:
-            raise ValueError(f"window is {self.window} frames: it must be at least 1")
+            raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
         for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} is {getattr(self, name)}: it must not be negative")
+                raise ArgumentError(f"{name} is {getattr(self, name)}: it must not be negative")

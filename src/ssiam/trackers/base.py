@@ -31,5 +31,6 @@ def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int
     x, y, w, h = xywh
     width, height = size_wh
     left, top = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
-    right, bottom = min(max(round(x + w), left + 1), width), min(max(round(y + h), top + 1), height)
+    right = min(max(round(x) + round(w), left + 1), width)
+    bottom = min(max(round(y) + round(h), top + 1), height)
     return left, top, right - left, bottom - top

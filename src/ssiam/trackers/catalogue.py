@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from ssiam.errors import WeightsError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.runtime import RuntimeName
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
@@ -57,9 +57,9 @@ def load_tracker(
     """
     name = name or DEFAULT_TRACKER
     if name not in TRACKERS:
-        raise ValueError(f"unknown tracker {name!r}: choose from {', '.join(TRACKERS)}")
+        raise ArgumentError(f"unknown tracker {name!r}: choose from {', '.join(TRACKERS)}")
     if threads < 1:
-        raise ValueError(f"threads is {threads}: it must be at least 1")
+        raise ArgumentError(f"threads is {threads}: it must be at least 1")
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
     return SteadiedTracker(_view_tracker(name, path, runtime, threads), config)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ssiam.errors import FrameSizeError
+from ssiam.errors import ArgumentError, FrameSizeError
 from ssiam.geometry import XYWH, Image, check_box, check_frame
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
@@ -88,7 +88,7 @@ class SteadiedTracker:
         """
         check_frame(frame)
         if self._box is None:
-            raise ValueError("no target yet: call init(frame, box) before update(frame)")
+            raise ArgumentError("no target yet: call init(frame, box) before update(frame)")
         if (frame.shape[1], frame.shape[0]) != self._size_wh:
             raise FrameSizeError(
                 f"frame of {frame.shape[1]}x{frame.shape[0]} pixels, but tracking began at "

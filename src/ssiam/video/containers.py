@@ -22,6 +22,7 @@ from ssiam.errors import SourceError, StreamError
 from ssiam.geometry import Image
 from ssiam.video.ending import Ending
 from ssiam.video.frames import Picture, Pictures, Source
+from ssiam.video.pipes import Pipe
 
 _log = logging.getLogger(__name__)
 
@@ -40,7 +41,7 @@ _DEFAULT_FPS = Fraction(25)
 
 @dataclass(frozen=True)
 class Input:
-    """What PyAV is to open: `file` a URL or a binary file object, `name` how messages call it."""
+    """What PyAV is to open: `file` a URL or what has a `read`, `name` how messages call it."""
 
     name: str
     file: Any
@@ -62,7 +63,10 @@ def open_container(given: Input) -> Source:
     else:
         stream.thread_count = 1
     length = _announced_length(container, stream, fps)
-    pictures = _pictures(given.name, container, stream, Ending(container, stream, fps), length)
+    ending = Ending(
+        container, stream, fps, pipe=given.file if isinstance(given.file, Pipe) else None
+    )
+    pictures = _pictures(given.name, container, stream, ending, length)
     return Source(given.name, pictures, fps=fps, length=length)
 
 

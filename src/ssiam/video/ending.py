@@ -1,8 +1,8 @@
 """`Ending`: whether a container was read to its end, or breaks off before it.
 
 FFmpeg reports most truncated files as an ordinary end of file. Four things give them away: the
-last packet or the last frame is cut; the packets stop short of what the header announces; an
-MPEG transport stream does not end at a packet border.
+last packet or the last frame is cut; the packets stop short of what the header announces; the
+bytes of an MPEG transport stream or of y4m do not end at a packet border.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from av.packet import Packet
 from av.stream import Stream
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
+
+from ssiam.video.pipes import Pipe
 
 # What a whole file may miss of its announced end. Where frames are counted, rounding: less than
 # two frames. Elsewhere also 0.1 s for clocks of 1 ms and padded sound (Matroska, FLV), and two
@@ -35,10 +37,20 @@ class Ending:
     Give it every packet of every stream and every decoded frame; then ask for the `fault`.
     """
 
-    def __init__(self, container: InputContainer, stream: VideoStream, fps: Fraction) -> None:
+    def __init__(
+        self,
+        container: InputContainer,
+        stream: VideoStream,
+        fps: Fraction,
+        *,
+        pipe: Pipe | None = None,
+    ) -> None:
+        self._format = container.format.name
+        self._size = container.size
+        self._pipe = pipe
+        self._last_byte = 0
         self.announced_frames = stream.frames
         self._announced_end = _announced_seconds(container, stream)
-        self._cut_packets = _has_cut_transport_packets(container)
         self._video_index = stream.index
         self._packets = 0
         self._last_dts: float | None = None
@@ -56,6 +68,7 @@ class Ending:
         self._damaged_packet = packet.is_corrupt
         is_video = packet.stream.index == self._video_index
         self._packets += is_video
+        self._last_byte = (packet.pos or 0) + packet.size
         if packet.pts is None or packet.time_base is None:
             return
         if is_video:
@@ -77,9 +90,16 @@ class Ending:
         last_is_cut = self._last_pts is not None and self._last_pts in self._damaged_pts
         if self._damaged_packet or self._last_frame_damaged or last_is_cut:
             return "its last frame is cut"
-        if self._cut_packets:
-            return "its last packet is cut"
+        if self._has_cut_rest():
+            return "its last bytes are cut"
         return "it ends before the end it announces" if self._ends_early() else None
+
+    def _has_cut_rest(self) -> bool:
+        """Whether bytes are left over, in formats that FFmpeg reads in whole packets."""
+        size = self._size if self._pipe is None else self._pipe.count
+        if self._format == "mpegts":
+            return size > 0 and all(size % packet for packet in _TS_PACKETS)
+        return self._format == "yuv4mpegpipe" and size > self._last_byte
 
     def _ends_early(self) -> bool:
         # Files with dropped or trimmed frames announce more of them than they play.
@@ -115,8 +135,3 @@ def _announced_seconds(container: InputContainer, stream: VideoStream) -> float 
     if stream.duration and stream.time_base:
         own = float(stream.duration * stream.time_base)
     return min((seconds for seconds in (whole, own) if seconds), default=None)
-
-
-def _has_cut_transport_packets(container: InputContainer) -> bool:
-    size = container.size
-    return container.format.name == "mpegts" and size > 0 and all(size % n for n in _TS_PACKETS)

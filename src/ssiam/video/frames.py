@@ -45,8 +45,8 @@ class Source:
     name : str
         The source as messages call it; never holds a password.
     fps : Fraction
-        Frames a second, exact (30000/1001 stays what it is). With variable frame rate the
-        average; the truth is in `Frame.time`.
+        Frames a second, exact (30000/1001 stays what it is). With variable frame rate what
+        the source announces, mostly the average; the truth is in `Frame.time`.
     length : int or None
         Number of frames as the source announces it, for progress bars; None where it does not.
     size_wh : (int, int)

@@ -25,10 +25,17 @@ from ssiam.video.outputs import check_output, output_error
 _log = logging.getLogger(__name__)
 
 _FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".avi": "avi"}
-# Written in pieces that play as they are, and turned into a plain mp4 on closing: a program that
-# is killed loses one piece.
-_MOVFLAGS = {"movflags": "hybrid_fragmented+frag_keyframe"}
+# A program that is killed loses one piece of this length: mp4 is written in pieces that play as
+# they are, and turned into a plain one on closing; Matroska in clusters (milliseconds).
 _PIECE_SECONDS = 1
+_FLUSHED = {"flush_packets": "1"}
+_PIECEWISE = {"movflags": "hybrid_fragmented+frag_keyframe"}
+_MUXER_OPTIONS = {
+    "mp4": _PIECEWISE,
+    "mov": _PIECEWISE,
+    "matroska": {"cluster_time_limit": str(1000 * _PIECE_SECONDS)},
+    "avi": {},
+}
 # In the order of preference; builds of FFmpeg without x264 have one of the others. No lookahead
 # and no B-frames: 32 MB instead of 79 MB at 1280x720, and times that need no reordering.
 _ENCODERS: dict[str, dict[str, str]] = {
@@ -137,7 +144,7 @@ class VideoSink:
 
 
 def _create(path: Path, muxer: str) -> OutputContainer:
-    options = _MOVFLAGS if muxer in ("mp4", "mov") else {}
+    options = _FLUSHED | _MUXER_OPTIONS[muxer]
     # "file:" keeps a colon or a percent sign in the name from meaning something to FFmpeg.
     container: OutputContainer = av.open(f"file:{path}", mode="w", format=muxer, options=options)
     return container

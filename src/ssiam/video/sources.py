@@ -6,7 +6,9 @@ import re
 import sys
 from dataclasses import dataclass
 from fractions import Fraction
+from io import BufferedReader
 from pathlib import Path
+from typing import cast
 from urllib.parse import unquote, urlsplit
 
 from ssiam.errors import SourceError
@@ -15,6 +17,7 @@ from ssiam.video.cameras import open_camera
 from ssiam.video.containers import Input, open_container
 from ssiam.video.folders import open_folder
 from ssiam.video.frames import Source
+from ssiam.video.pipes import Pipe
 
 STDIN = "-"
 
@@ -90,17 +93,13 @@ def open_source(spec: str | int | Path, *, raw: RawFormat | None = None) -> Sour
 def _open_stdin(raw: RawFormat | None) -> Source:
     if sys.stdin is None or sys.stdin.isatty():
         raise SourceError("standard input: nothing is piped in; use e.g. `... | ssiam track -`")
-    # Through Python's file object, so that Ctrl-C is seen while waiting for data.
-    return open_container(
-        _with_raw(
-            Input(
-                name="standard input",
-                file=sys.stdin.buffer,
-                advice="pipe in y4m, mpegts or matroska, or say how raw frames are laid out",
-            ),
-            raw,
-        )
+    stdin = cast(BufferedReader, sys.stdin.buffer)
+    given = Input(
+        name="standard input",
+        file=stdin if stdin.seekable() else Pipe(stdin),
+        advice="pipe in y4m, mpegts or matroska, or say how raw frames are laid out",
     )
+    return open_container(_with_raw(given, raw))
 
 
 def _open_path(text: str, raw: RawFormat | None) -> Source:

@@ -1,0 +1,281 @@
+"""`VideoSink`: files that play, whatever happens to the program that writes them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from fractions import Fraction
+from itertools import pairwise
+
+import av
+import cv2
+import numpy as np
+import pytest
+from clips import NTSC, decoded, number_in, picture, python
+
+from ssiam.errors import FrameSizeError, SinkError
+from ssiam.video import VideoSink, open_source
+from ssiam.video.clock import Clock, as_rate
+
+NAMES = ["out.mp4", "out.mkv", "out.avi", "out.mov", "OUT.MP4"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_written_frames_come_back(tmp_path, name):
+    path = tmp_path / name
+    with VideoSink(path, NTSC) as sink:
+        for number in range(40):
+            sink.write(picture(number))
+    frames = decoded(path)
+    assert [number_in(f.to_ndarray(format="bgr24")) for f in frames] == list(range(40))
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert stream.average_rate == NTSC
+        assert stream.codec_context.name == "h264"
+        assert stream.pix_fmt == "yuv420p"
+        assert container.duration / av.time_base == pytest.approx(40 / NTSC, abs=0.002)
+
+
+def test_mp4_is_what_browsers_play(tmp_path):
+    path = tmp_path / "out.mp4"
+    with VideoSink(path, 25) as sink:
+        for number in range(60):
+            sink.write(picture(number))
+    # A finished file is a plain mp4: its index counts every frame, none lies in fragments.
+    with av.open(str(path)) as container:
+        assert container.streams.video[0].frames == 60
+    boxes = _boxes(path.read_bytes())
+    assert boxes[0] == b"ftyp"
+    assert boxes.count(b"moov") == 1
+    assert b"moof" not in boxes
+
+
+def _boxes(data):
+    kinds, place = [], 0
+    while place < len(data):
+        size = int.from_bytes(data[place : place + 4], "big")
+        if size == 1:
+            size = int.from_bytes(data[place + 8 : place + 16], "big")
+        kinds.append(data[place + 4 : place + 8])
+        place += size
+    return kinds
+
+
+def test_opencv_reads_it_too(tmp_path):
+    with VideoSink(tmp_path / "out.mp4", 30) as sink:
+        for number in range(10):
+            sink.write(picture(number))
+    capture = cv2.VideoCapture(str(tmp_path / "out.mp4"))
+    assert [number_in(capture.read()[1]) for _ in range(10)] == list(range(10))
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.mkv"])
+def test_variable_times_are_kept(tmp_path, name):
+    seconds = [100.0, 100.04, 100.08, 100.5, 100.52, 101.7, 101.8]
+    with VideoSink(tmp_path / name, 25) as sink:
+        for number, second in enumerate(seconds):
+            sink.write(picture(number), second)
+    times = [frame.time for frame in decoded(tmp_path / name)]
+    assert times == pytest.approx([second - 100 for second in seconds], abs=0.0006)
+
+
+def test_source_to_sink_keeps_ntsc_exactly(tmp_path):
+    with VideoSink(tmp_path / "a.mp4", NTSC) as sink:
+        for number in range(90):
+            sink.write(picture(number))
+    with open_source(tmp_path / "a.mp4") as source, VideoSink(tmp_path / "b.mp4", NTSC) as sink:
+        for frame in source:
+            sink.write(frame.image, frame.time)
+    times = [frame.pts * frame.time_base for frame in decoded(tmp_path / "b.mp4")]
+    assert times == [index / NTSC for index in range(90)]
+
+
+@pytest.mark.parametrize("size", [(160, 96), (161, 96), (160, 97), (163, 99)])
+def test_odd_sizes_are_padded_to_even_ones(tmp_path, size):
+    image = np.full((size[1], size[0], 3), (40, 60, 220), np.uint8)
+    with VideoSink(tmp_path / "out.mp4", 25, size_wh=size) as sink:
+        sink.write(image)
+    got = decoded(tmp_path / "out.mp4")[0].to_ndarray(format="bgr24")
+    assert got.shape == (size[1] + size[1] % 2, size[0] + size[0] % 2, 3)
+    assert got.reshape(-1, 3).min(axis=0) == pytest.approx((40, 60, 220), abs=6)
+    assert got.reshape(-1, 3).max(axis=0) == pytest.approx((40, 60, 220), abs=6)
+
+
+def test_input_is_not_changed_and_may_be_a_view(tmp_path):
+    image = picture(3, 320, 192)
+    before = image.copy()
+    with VideoSink(tmp_path / "out.mp4", 25) as sink:
+        sink.write(image[::2, ::2])
+    assert np.array_equal(image, before)
+    assert decoded(tmp_path / "out.mp4")[0].width == 160
+
+
+UNWRITABLE = [
+    # name of the case, path, words of the message
+    ("no folder", "none/out.mp4", "there is no folder"),
+    ("a folder", "folder.mp4", "is a folder"),
+    ("file as folder", "file.txt/out.mp4", "there is no folder"),
+    ("unknown kind", "out.gif", "unknown kind"),
+    ("no kind", "out", "unknown kind"),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [u[1:] for u in UNWRITABLE], ids=[u[0] for u in UNWRITABLE]
+)
+def test_unwritable_path_is_refused_at_once(tmp_path, name, words):
+    (tmp_path / "folder.mp4").mkdir()
+    (tmp_path / "file.txt").write_text("")
+    with pytest.raises(SinkError, match=words) as caught:
+        VideoSink(tmp_path / name, 25)
+    assert str(caught.value).startswith(str(tmp_path / name))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_write_protected_folder_is_refused_at_once(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(SinkError, match="cannot be written"):
+        VideoSink(tmp_path / "out.mp4", 25)
+
+
+def test_refused_or_empty_sink_leaves_no_file(tmp_path):
+    with VideoSink(tmp_path / "out.mp4", 25):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_frame_size_is_refused(tmp_path):
+    with VideoSink(tmp_path / "out.mp4", 25) as sink:
+        sink.write(picture(0))
+        with pytest.raises(FrameSizeError, match=r"320x96 .*160x96"):
+            sink.write(picture(0, 320, 96))
+
+
+@pytest.mark.parametrize("rate", [0, -1, float("nan"), float("inf")])
+def test_impossible_rate_is_refused(tmp_path, rate):
+    with pytest.raises(ValueError, match="frame rate"):
+        VideoSink(tmp_path / "out.mp4", rate)
+
+
+def _write_and_raise(path, error):
+    with VideoSink(path, 25) as sink:
+        for number in range(33):
+            sink.write(picture(number))
+        raise error("while tracking")
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_exception_leaves_a_complete_file(tmp_path, error):
+    with pytest.raises(error, match="while tracking"):
+        _write_and_raise(tmp_path / "out.mp4", error)
+    assert len(decoded(tmp_path / "out.mp4")) == 33
+
+
+_WRITE_ON = """
+import sys
+from clips import picture
+from ssiam.video import VideoSink
+with VideoSink(sys.argv[1], 10) as sink:
+    for number in range(10**6):
+        sink.write(picture(number % 256))
+        print(number, flush=True)
+"""
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.mov", "out.mkv", "out.avi"])
+def test_killed_writer_leaves_a_file_that_plays(tmp_path, name):
+    process = python(_WRITE_ON, str(tmp_path / name), stdout=subprocess.PIPE)
+    written = 0
+    for line in process.stdout:
+        written = int(line) + 1
+        if written == 95:
+            process.send_signal(signal.SIGKILL)
+            break
+    process.stdout.close()
+    assert process.wait() == -signal.SIGKILL
+    numbers = [number_in(f.to_ndarray(format="bgr24")) for f in decoded(tmp_path / name)]
+    assert numbers == list(range(len(numbers)))
+    # At most the last piece of a second, and what the encoder held, are lost.
+    assert len(numbers) >= written - 25
+
+
+def test_interrupted_writer_leaves_every_frame(tmp_path):
+    process = python(
+        _WRITE_ON, str(tmp_path / "out.mp4"), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    for line in process.stdout:
+        if int(line) == 30:
+            process.send_signal(signal.SIGINT)
+            break
+    rest = process.stdout.read().split()
+    process.wait()
+    written = int(rest[-1]) + 1 if rest else 31
+    assert len(decoded(tmp_path / "out.mp4")) in (written, written + 1)
+
+
+_DISK_FULL = """
+import json, resource, signal, sys
+from clips import picture
+from ssiam.errors import SinkError
+from ssiam.video import VideoSink
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+try:
+    with VideoSink(sys.argv[1], 25) as sink:
+        for number in range(600):
+            sink.write(picture(number % 256, 320, 192))
+except SinkError as error:
+    print(json.dumps(str(error)))
+"""
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "out.avi"])
+def test_full_disk_is_a_sink_error(tmp_path, name):
+    process = python(_DISK_FULL, str(tmp_path / name), stdout=subprocess.PIPE)
+    told = json.loads(process.communicate()[0])
+    assert process.returncode == 0
+    assert told.startswith(f"{tmp_path / name}: cannot be written")
+
+
+RATES = [
+    ("fraction", NTSC, NTSC),
+    ("float", 29.97002997002997, NTSC),
+    ("whole", 30, Fraction(30)),
+    ("decimal", 12.5, Fraction(25, 2)),
+    ("odd fraction", Fraction(456000, 15217), Fraction(456000, 15217)),
+]
+
+
+@pytest.mark.parametrize(("given", "exact"), [r[1:] for r in RATES], ids=[r[0] for r in RATES])
+def test_rates_are_exact(given, exact):
+    assert as_rate(given) == exact
+    clock = Clock(as_rate(given))
+    assert [clock.ticks() * clock.time_base for _ in range(4)] == [i / exact for i in range(4)]
+    assert clock.time_base <= Fraction(1, 10_000)
+
+
+CLOCKS = [
+    # name of the case, times, expected seconds at 25 frames a second
+    ("origin", [5.0, 5.04, 5.2], [0, 0.04, 0.2]),
+    ("jump back goes on", [5.0, 5.04, 1.0, 1.1], [0, 0.04, 0.08, 0.18]),
+    ("jump ahead is a pause", [0, 0.04, 60.0], [0, 0.04, 60.0]),
+    ("unknown follows", [0, None, None, 0.5], [0, 0.04, 0.08, 0.5]),
+]
+
+
+@pytest.mark.parametrize(("times", "seconds"), [c[1:] for c in CLOCKS], ids=[c[0] for c in CLOCKS])
+def test_clock(times, seconds):
+    clock = Clock(Fraction(25))
+    told = [float(clock.ticks(time) * clock.time_base) for time in times]
+    assert told == pytest.approx(seconds, abs=1e-4)
+
+
+def test_clock_never_stands_still_and_does_not_drift():
+    clock = Clock(Fraction(25), only_whole_frames=True)
+    jittered = [i / 25 + (0.019 if i % 3 else -0.019) for i in range(1, 500)]
+    ticks = [clock.ticks(time) for time in jittered]
+    assert all(later > earlier for earlier, later in pairwise(ticks))
+    assert abs(ticks[-1] - 498) <= 1
