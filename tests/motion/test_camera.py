@@ -107,7 +107,7 @@ def test_another_size_is_refused():
 
 
 def test_unknown_keypoints_are_named():
-    with pytest.raises(ValueError, match="unknown keypoints 'sift'.*orb"):
+    with pytest.raises(ValueError, match=r"unknown keypoints 'sift'.*orb"):
         CameraMotion(keypoints="sift")
 
 

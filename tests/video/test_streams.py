@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import http.server
 import json
+import signal
 import socketserver
 import subprocess
 import threading
+import time
 from contextlib import contextmanager
 from functools import partial
 
@@ -86,6 +88,27 @@ def test_trouble_on_standard_input(data, args, count, error):
     told = _read_piped(data, *args)
     assert len(told["numbers"]) == count
     assert told["error"].startswith(error)
+
+
+def test_ctrl_c_while_waiting_for_data_is_not_lost():
+    code = """
+from ssiam.video import open_source
+try:
+    with open_source("-") as source:
+        for frame in source:
+            print(frame.index, flush=True)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    process = python(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    process.stdin.write(y4m(range(8)))
+    process.stdin.flush()
+    assert process.stdout.readline() == b"0\n"
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    assert process.stdout.read().endswith(b"interrupted\n")
+    assert process.wait() == 0
+    process.stdin.close()
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):

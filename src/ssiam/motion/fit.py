@@ -3,6 +3,9 @@
 Least squares is what the paper prints. It is also worse than doing nothing as soon as a twentieth
 of the frame moves by itself, so the default is a robust fit: the best of many two-point
 hypotheses, then reweighted least squares.
+
+Points are complex numbers here, x + iy: a rigid transform is ``q = turn * p + shift`` with
+``|turn| = 1``, and its angle is that of `turn`.
 """
 
 from __future__ import annotations
@@ -14,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import Points, Transform, map_points
+from ssiam.geometry import Points, Transform
 
 FitName: TypeAlias = Literal["robust", "least_squares"]
+Complex: TypeAlias = NDArray[np.complex128]
+Floats: TypeAlias = NDArray[np.float64]
 
 _HYPOTHESES = 200  # of two points each; enough at 15 % of inliers
 _ROUNDS = 5  # of reweighting
@@ -31,61 +36,51 @@ def fit_rigid(
     """
     if method not in get_args(FitName):
         raise ArgumentError(f"unknown fit {method!r}: choose from {', '.join(get_args(FitName))}")
-    cur_from_prev = (
-        least_squares(prev_xy, cur_xy)
-        if method == "least_squares"
-        else robust(prev_xy, cur_xy, tolerance)
+    p, q = _complex(prev_xy), _complex(cur_xy)
+    if method == "least_squares":
+        turn, shift = least_squares(p, q, np.ones(len(p)))
+    else:
+        turn, shift = robust(p, q, tolerance)
+    cur_from_prev = np.array(
+        [[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1]]
     )
-    agree = _distance(cur_from_prev, prev_xy, cur_xy) <= tolerance
+    agree = np.abs(turn * p + shift - q) <= tolerance
     return cur_from_prev, float(agree.mean())
 
 
-def least_squares(
-    prev_xy: Points, cur_xy: Points, weights: NDArray[np.float64] | None = None
-) -> Transform:
-    """Rigid `cur_from_prev` with the least sum of squared distances (eq. 3 and 4), weighted."""
-    weights = np.ones(len(prev_xy)) if weights is None else weights
-    prev_mean = np.average(prev_xy, axis=0, weights=weights)
-    cur_mean = np.average(cur_xy, axis=0, weights=weights)
-    p, q = prev_xy - prev_mean, cur_xy - cur_mean
-    a = weights @ (p * q).sum(axis=1)
-    d = weights @ (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-    norm = np.hypot(a, d)
-    cos, sin = (a / norm, d / norm) if norm > 0 else (1.0, 0.0)  # da = arctan(d / a)
-    c, f = cur_mean - (
-        cos * prev_mean[0] - sin * prev_mean[1],
-        sin * prev_mean[0] + cos * prev_mean[1],
-    )
-    return np.array([[cos, -sin, c], [sin, cos, f], [0.0, 0.0, 1.0]])
+def least_squares(p: Complex, q: Complex, weights: Floats) -> tuple[complex, complex]:
+    """(turn, shift) with the least weighted sum of squared distances (eq. 3)."""
+    share = weights / weights.sum()
+    p_mean, q_mean = share @ p, share @ q
+    a_id = (share * np.conj(p - p_mean)) @ (q - q_mean)  # eq. 4: da = arctan(d / a)
+    turn = a_id / abs(a_id) if a_id != 0 else 1 + 0j
+    return complex(turn), complex(q_mean - turn * p_mean)
 
 
-def robust(prev_xy: Points, cur_xy: Points, tolerance: float) -> Transform:
-    """Rigid `cur_from_prev` of the largest group of pairs that agree within `tolerance` pixels.
+def robust(p: Complex, q: Complex, tolerance: float) -> tuple[complex, complex]:
+    """(turn, shift) of the largest group of pairs that agree within `tolerance` pixels.
 
     The group is found by two-point hypotheses (the same ones at every call, so results repeat),
     then refined by least squares under Geman-McClure weights.
     """
-    cur_from_prev = least_squares(prev_xy, cur_xy, _consensus(prev_xy, cur_xy, tolerance))
+    turn, shift = least_squares(p, q, _consensus(p, q, tolerance))
     for _ in range(_ROUNDS):
-        squared = _distance(cur_from_prev, prev_xy, cur_xy) ** 2
-        weights = (tolerance**2 / (tolerance**2 + squared)) ** 2
-        cur_from_prev = least_squares(prev_xy, cur_xy, weights)
-    return cur_from_prev
+        squared = _squared(turn * p + shift - q)
+        turn, shift = least_squares(p, q, (tolerance**2 / (tolerance**2 + squared)) ** 2)
+    return turn, shift
 
 
-def _consensus(prev_xy: Points, cur_xy: Points, tolerance: float) -> NDArray[np.float64]:
+def _consensus(p: Complex, q: Complex, tolerance: float) -> Floats:
     """Weights 1 for the pairs that agree with the best two-point hypothesis, 0 for the rest.
 
     Where not even its own two points agree with it (they moved apart), all weights are 1.
     """
-    first, second = _pairs(len(prev_xy))
-    p = prev_xy[:, 0] + 1j * prev_xy[:, 1]  # a rotation is a product of complex numbers
-    q = cur_xy[:, 0] + 1j * cur_xy[:, 1]
+    first, second = _pairs(len(p))
     turn = (q[second] - q[first]) * np.conj(p[second] - p[first])
     size = np.abs(turn)
-    turn = np.where(size > 0, turn / np.where(size > 0, size, 1), 1)
+    turn = np.divide(turn, size, out=np.ones_like(turn), where=size > 0)
     shift = (q[first] + q[second] - turn * (p[first] + p[second])) / 2
-    squared = np.abs(turn[:, None] * p + shift[:, None] - q) ** 2
+    squared = _squared(turn[:, None] * p + shift[:, None] - q)
     # Points beyond the tolerance all cost the same: the sum ranks equal counts by closeness.
     cost = np.minimum(squared, tolerance**2).sum(axis=1)
     agree = squared[np.argmin(cost)] <= tolerance**2
@@ -101,6 +96,9 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return first, second
 
 
-def _distance(cur_from_prev: Transform, prev_xy: Points, cur_xy: Points) -> NDArray[np.float64]:
-    difference = map_points(cur_from_prev, prev_xy) - cur_xy
-    return np.asarray(np.hypot(difference[:, 0], difference[:, 1]))
+def _complex(xy: Points) -> Complex:
+    return np.asarray(xy @ (1, 1j), dtype=np.complex128)
+
+
+def _squared(values: Complex) -> Floats:
+    return values.real**2 + values.imag**2

@@ -50,6 +50,16 @@ class Input:
     timeout: tuple[float, float] | None = None
     advice: str = "is it a video, and is it whole?"
 
+    @property
+    def pipe(self) -> Pipe | None:
+        """The file if it is a pipe."""
+        return self.file if isinstance(self.file, Pipe) else None
+
+    def check_interrupted(self) -> None:
+        """Raise `KeyboardInterrupt` if one came while FFmpeg read from a pipe."""
+        if self.pipe is not None:
+            self.pipe.check()
+
 
 def open_container(given: Input) -> Source:
     """`Source` of the first video stream; `SourceError` if there is none that can be decoded."""
@@ -63,10 +73,8 @@ def open_container(given: Input) -> Source:
     else:
         stream.thread_count = 1
     length = _announced_length(container, stream, fps)
-    ending = Ending(
-        container, stream, fps, pipe=given.file if isinstance(given.file, Pipe) else None
-    )
-    pictures = _pictures(given.name, container, stream, ending, length)
+    ending = Ending(container, stream, fps, pipe=given.pipe)
+    pictures = _pictures(given, container, stream, ending, length)
     return Source(given.name, pictures, fps=fps, length=length)
 
 
@@ -82,6 +90,7 @@ def _open(given: Input) -> InputContainer:
         )
         return container
     except (av.FFmpegError, OSError, ValueError) as error:
+        given.check_interrupted()
         # The cause would print the whole address, with its password.
         raise SourceError(f"{given.name}: {_reason(error)}; {given.advice}") from None
 
@@ -116,7 +125,7 @@ def _announced_length(container: InputContainer, stream: VideoStream, fps: Fract
 
 
 def _pictures(
-    name: str,
+    given: Input,
     container: InputContainer,
     stream: VideoStream,
     ending: Ending,
@@ -132,14 +141,17 @@ def _pictures(
                 count += 1
         except (av.FFmpegError, OSError, ValueError) as error:
             fault = _reason(error)
+    given.check_interrupted()
     fault = fault or ending.fault()
     if fault is None:
         return
     if not count:
-        raise SourceError(f"{name}: no frame in it can be decoded ({fault}); is it truncated?")
+        raise SourceError(
+            f"{given.name}: no frame in it can be decoded ({fault}); is it truncated?"
+        )
     total = f" of {length}" if length and length > count else ""
     raise StreamError(
-        f"{name}: broke off after {count}{total} frames ({fault}); "
+        f"{given.name}: broke off after {count}{total} frames ({fault}); "
         "get the source again if the rest matters"
     )
 
@@ -197,5 +209,7 @@ def _upright(frame: VideoFrame) -> Image:
 
 
 def _reason(error: Exception) -> str:
+    if isinstance(error, av.error.ExitError):
+        return "nothing came before the time ran out"
     text = getattr(error, "strerror", None) or str(error)
     return " ".join(text.split())
