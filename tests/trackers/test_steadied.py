@@ -33,7 +33,7 @@ def shaken(count=40, seed=2, strength=(5, 3, 0.01)):
 
 
 def test_results_come_back_to_the_raw_frame():
-    frames, frame_from_world = shaken()
+    frames, _ = shaken()
     tracker = SteadiedTracker(StillTracker(), ssiam.StabilizerConfig())
     tracker.init(frames[0], BOX)
     for frame in frames[1:]:
@@ -97,7 +97,7 @@ def test_update_before_init_is_refused():
 def test_a_frame_of_another_size_is_refused(stabilize):
     tracker = ssiam.load_tracker("kcf", stabilize=stabilize)
     tracker.init(world(), BOX)
-    with pytest.raises(ssiam.FrameSizeError, match="320x180.*640x360"):
+    with pytest.raises(ssiam.FrameSizeError, match=r"320x180.*640x360"):
         tracker.update(world(size_wh=(320, 180)))
 
 

@@ -56,8 +56,12 @@ def _frames_before(path, byte):
 def test_transport_stream_cut_between_its_packets_is_noticed(tmp_path):
     path = write_clip(tmp_path / "clip.ts", size=(320, 192), codec_options={"crf": "10"})
     data = path.read_bytes()
-    for share in (0.3, 0.52, 0.77):
-        path.write_bytes(data[: int(len(data) * share) // 188 * 188])
+    with av.open(str(path)) as container:
+        packets = [packet for packet in container.demux(video=0) if packet.size][1:]
+    for large in sorted(packets, key=lambda packet: packet.size)[-3:]:
+        assert large.size > 188 * 4
+        middle = large.pos + large.size // 2
+        path.write_bytes(data[: middle // 188 * 188])
         with open_source(path) as source, pytest.raises(StreamError, match="last frame is cut"):
             list(source)
 
