@@ -52,6 +52,8 @@ def write_clip(
         stream = container.add_stream(codec, rate=rate, options=codec_options or {})
         stream.width, stream.height = size
         stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        # The same bytes on every machine; x264 makes a slice a thread.
+        stream.thread_count = 1
         base = 1 / rate if seconds is None else Fraction(1, 1000)
         stream.codec_context.time_base = base
         for index in range(count):

@@ -54,7 +54,7 @@ def _frames_before(path, byte):
 
 
 def test_transport_stream_cut_between_its_packets_is_noticed(tmp_path):
-    path = write_clip(tmp_path / "clip.ts", size=(320, 192), codec_options={"crf": "10"})
+    path = write_clip(tmp_path / "clip.ts", size=(320, 192), codec_options={"crf": "10", "g": "1"})
     data = path.read_bytes()
     with av.open(str(path)) as container:
         packets = [packet for packet in container.demux(video=0) if packet.size][1:]
