@@ -67,7 +67,7 @@ def main() -> None:
         frames, memory = np.array(sample(process, folder / "r.csv")).T
     if process.returncode != 0:
         raise SystemExit(f"ssiam track ended with exit code {process.returncode}")
-    settled = memory[frames >= SETTLED]
+    settled = memory[(frames >= SETTLED) & (frames < arguments.frames)]  # not the way out
     for at in range(0, arguments.frames, max(arguments.frames // 10, 1)):
         print(f"frame {at:6d}: {memory[np.searchsorted(frames, at)]:7.1f} MB")
     middle = (settled.max() + settled.min()) / 2

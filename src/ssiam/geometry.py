@@ -50,9 +50,9 @@ def rigid_parameters(
     The shift is that of the centre itself. At the image origin a roll of half a degree would
     show up as several pixels of shift in the middle of the picture.
     """
-    centre = np.array([[centre_xy[0], centre_xy[1]]], dtype=np.float64)
-    dx, dy = (map_points(to_from_from, centre) - centre)[0]
-    return float(dx), float(dy), float(np.arctan2(to_from_from[1, 0], to_from_from[0, 0]))
+    x, y, weight = to_from_from @ (centre_xy[0], centre_xy[1], 1.0)
+    angle = np.arctan2(to_from_from[1, 0], to_from_from[0, 0])
+    return float(x / weight - centre_xy[0]), float(y / weight - centre_xy[1]), float(angle)
 
 
 def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:

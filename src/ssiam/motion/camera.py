@@ -122,9 +122,8 @@ def _background(
         return None
     width, height = size_wh
     mask = np.full((height, width), 255, dtype=np.uint8)
-    limits = (width, height, width, height)
-    grow = np.tile(boxes[:, 2:] * _GROW, 2)
-    corners = np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]) + grow * (-1, -1, 1, 1)
-    for left, top, right, bottom in np.clip(np.rint(corners), 0, limits).astype(int):
-        mask[top:bottom, left:right] = 0
+    for x, y, w, h in boxes.tolist():
+        left, top = max(round(x - _GROW * w), 0), max(round(y - _GROW * h), 0)
+        right, bottom = round(x + (1 + _GROW) * w), round(y + (1 + _GROW) * h)
+        mask[top : max(bottom, 0), left : max(right, 0)] = 0
     return mask

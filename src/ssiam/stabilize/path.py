@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssiam.geometry import frame_centre
 from ssiam.motion import Motion
@@ -20,20 +19,21 @@ class CameraPath:
     def __init__(self, window: int) -> None:
         self._window = window
         self._past_from_cur = np.empty((0, 3, 3))
+        self._centre = (0.0, 0.0, 1.0)
 
     def advance(self, motion: Motion) -> None:
         """Append the pose of the current frame, reached by `motion` from the one before."""
         prev_from_cur = np.linalg.inv(motion.cur_from_prev)
         past_from_cur = self._past_from_cur @ prev_from_cur
         self._past_from_cur = np.concatenate([past_from_cur, np.eye(3)[None]])[-self._window :]
-        self._centre = np.array([*frame_centre(motion.size_wh), 1.0])
+        self._centre = (*frame_centre(motion.size_wh), 1.0)
 
     @property
     def started(self) -> bool:
         """Whether there is a pose yet."""
         return len(self._past_from_cur) > 0
 
-    def difference(self) -> NDArray[np.float64]:
+    def difference(self) -> tuple[float, float, float]:
         """Smoothed minus actual path at the current frame: dx, dy in pixels, da in radians.
 
         A background point now at p was at ``past_from_cur @ p`` in the past frames; the mean of
@@ -41,6 +41,6 @@ class CameraPath:
         """
         poses = self._past_from_cur
         past_centres = poses @ self._centre
-        shift = (past_centres[:, :2] / past_centres[:, 2:] - self._centre[:2]).mean(axis=0)
-        angle = np.arctan2(poses[:, 1, 0], poses[:, 0, 0]).mean()
-        return np.array([*shift, angle])
+        mean_x, mean_y = (past_centres[:, :2] / past_centres[:, 2:]).mean(axis=0).tolist()
+        angle = float(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]).mean())
+        return mean_x - self._centre[0], mean_y - self._centre[1], angle

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import math
 
 from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid
 from ssiam.motion import Motion
@@ -22,7 +21,7 @@ class Stabilizer:
     def __init__(self, config: StabilizerConfig) -> None:
         self._config = config
         self._path = CameraPath(config.window)
-        self._shift = np.zeros(2)  # dx', dy' of the previous frame
+        self._shift = (0.0, 0.0)  # dx', dy' of the previous frame
         self._stab_from_raw: Transform = IDENTITY
 
     def update(self, motion: Motion) -> Transform:
@@ -39,29 +38,35 @@ class Stabilizer:
         self._stab_from_raw = rigid(dx, dy, angle, frame_centre(motion.size_wh))
         return self._stab_from_raw
 
-    def _wanted(self, motion: Motion) -> NDArray[np.float64]:
+    def _wanted(self, motion: Motion) -> tuple[float, float, float]:
         """(dx, dy, da) that puts the frame onto the smoothed path (eq. 5)."""
-        difference = self._path.difference()
-        if self._config.stabilize == "literal":
-            return difference + motion.shift_angle  # eq. 5 as printed: trans + difference
-        return difference
+        dx, dy, angle = self._path.difference()
+        if self._config.stabilize == "literal":  # eq. 5 as printed: trans + difference
+            trans_x, trans_y, trans_a = motion.shift_angle
+            return dx + trans_x, dy + trans_y, angle + trans_a
+        return dx, dy, angle
 
     def _limited(
-        self, new_trans: NDArray[np.float64], size_wh: tuple[int, int]
+        self, new_trans: tuple[float, float, float], size_wh: tuple[int, int]
     ) -> tuple[float, float, float]:
         """The limits of eq. 6, with the signs that its print has lost."""
-        config = self._config
-        if _largest_move(new_trans, size_wh) < config.gate:
-            new_trans = np.zeros(3)
-        most = config.border + np.array([config.thx1, config.thy1])
-        shift = np.clip(new_trans[:2], -most, most)
-        step = np.array([config.thx2, config.thy2])
-        self._shift = np.clip(shift, self._shift - step, self._shift + step)
-        angle = np.clip(new_trans[2], -config.tha, config.tha)
-        return float(self._shift[0]), float(self._shift[1]), float(angle)
+        n, c = self._config.border, self._config
+        if _largest_move(new_trans, size_wh) < c.gate:
+            new_trans = (0.0, 0.0, 0.0)
+        dx, dy, angle = new_trans
+        prev_dx, prev_dy = self._shift
+        dx = _within(_within(dx, 0.0, n + c.thx1), prev_dx, c.thx2)
+        dy = _within(_within(dy, 0.0, n + c.thy1), prev_dy, c.thy2)
+        self._shift = dx, dy
+        return dx, dy, _within(angle, 0.0, c.tha)
 
 
-def _largest_move(new_trans: NDArray[np.float64], size_wh: tuple[int, int]) -> float:
+def _within(value: float, middle: float, reach: float) -> float:
+    """The number nearest to `value` that is at most `reach` away from `middle`."""
+    return min(max(value, middle - reach), middle + reach)
+
+
+def _largest_move(new_trans: tuple[float, float, float], size_wh: tuple[int, int]) -> float:
     """How far a steadying moves any pixel, at the most; the judge of Fig. 2 knows only x and y."""
     dx, dy, angle = new_trans
-    return float(np.hypot(dx, dy) + abs(angle) * np.hypot(*size_wh) / 2)
+    return math.hypot(dx, dy) + abs(angle) * math.hypot(*size_wh) / 2

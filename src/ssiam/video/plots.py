@@ -65,8 +65,8 @@ class PathPlot:
             self._camera_path.advance(motion)
         self._rows.append((*motion.shift_angle, *self._difference(), *_correction(track, motion)))
 
-    def _difference(self) -> NDArray[np.float64]:
-        return self._camera_path.difference() if self._camera_path.started else np.zeros(3)
+    def _difference(self) -> tuple[float, float, float]:
+        return self._camera_path.difference() if self._camera_path.started else (0.0, 0.0, 0.0)
 
     def __enter__(self) -> PathPlot:
         return self
