@@ -1,6 +1,6 @@
 """Mean IoU of every tracker, unsteadied and steadied, through the command line.
 
-    python benchmarks/sequences.py
+    python benchmarks/sequences.py [--as-published]
 
 Runs `ssiam track` on four real sequences and on a shaking clip, and prints the table of
 docs/benchmarks.md. Needs the folder of test data (see shared_data.py).
@@ -8,6 +8,7 @@ docs/benchmarks.md. Needs the folder of test data (see shared_data.py).
 
 from __future__ import annotations
 
+import argparse
 import csv
 import subprocess
 import sys
@@ -47,11 +48,14 @@ def boxes(rows: list[dict[str, str]]) -> np.ndarray:
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--as-published", action="store_true", help="OTB's boxes as they stand")
+    as_published = parser.parse_args().as_published
     head = [f"{t} {m}" for t in TRACKERS for m in METHODS]
     print("| sequence | " + " | ".join(head) + " |")
     print("|---" * (len(head) + 1) + "|")
     for name in SEQUENCES:
-        sequence = read_sequence(name)
+        sequence = read_sequence(name, as_published=as_published)
         cells = []
         for tracker in TRACKERS:
             for stabilize in METHODS:

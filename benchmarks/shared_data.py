@@ -40,8 +40,11 @@ class Sequence:
     boxes: NDArray[np.float64]
 
 
-def read_sequence(name: str) -> Sequence:
-    """A sequence in the layout it was published in; OTB's boxes are 1-based, others 0-based."""
+def read_sequence(name: str, *, as_published: bool = False) -> Sequence:
+    """A sequence in the layout it was published in.
+
+    OTB's boxes are 1-based and are brought to 0-based ones, unless `as_published`.
+    """
     folder = SEQUENCES / name
     if not folder.is_dir():
         raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")
@@ -57,7 +60,7 @@ def read_sequence(name: str) -> Sequence:
         boxes = np.array([area_preserving_xywh(row) for row in rows])
     else:
         boxes = np.array(rows)
-    if truth.name == "groundtruth_rect.txt":
+    if truth.name == "groundtruth_rect.txt" and not as_published:
         boxes[:, :2] -= 1
     return Sequence(name, frames, boxes)
 
