@@ -35,7 +35,7 @@ def track(
     *,
     box: Annotated[
         list[str],
-        Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True, metavar="X,Y,W,H"),
+        Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True),
     ],
     tracker: Annotated[TrackerName, Parameter(group=_TARGET)] = DEFAULT_TRACKER,
     weights: Annotated[Path | None, Parameter(group=_TARGET)] = None,
@@ -44,7 +44,7 @@ def track(
     layout: Annotated[str | None, Parameter(group=_OUTPUT)] = None,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
-    raw: Annotated[str | None, Parameter(group=_RUNNING, metavar="WxH,LAYOUT,FPS")] = None,
+    raw: Annotated[str | None, Parameter(group=_RUNNING)] = None,
     runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
     threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
     config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _PAPER,
