@@ -25,3 +25,13 @@ def test_a_plain_import_is_light():
 def test_a_plain_install_has_no_torch():
     text = (ROOT / "pyproject.toml").read_text()
     assert "torch" not in text.split("[project.optional-dependencies]")[0].split("dependencies")[1]
+
+
+def test_openvino_does_not_report_home():
+    code = (
+        "import sys, ssiam.runtime.openvino, multiprocessing as m;"
+        "print([n for n, v in sys.modules.items() if n.startswith('openvino_telemetry') and v],"
+        " m.active_children())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[] []", done.stderr

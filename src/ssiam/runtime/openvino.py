@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
-import openvino as ov
 
 from ssiam.errors import WeightsError
 from ssiam.runtime.network import Tensor
+
+# Importing OpenVINO reports to a web service from a forked process, unasked, and where there is no
+# network that process can hang and keep this one from ending. Without the reporting package
+# OpenVINO falls back to a stub of its own.
+sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
+
+import openvino as ov  # noqa: E402
 
 _CORE = ov.Core()
 

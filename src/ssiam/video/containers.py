@@ -37,6 +37,10 @@ _NOT_VIDEO = ("tty",)
 # Nominal and average rate further apart than this share mean a variable frame rate.
 _RATE_TOLERANCE = 0.05
 _DEFAULT_FPS = Fraction(25)
+# A title in an unknown encoding must not make a file unreadable; PyAV 19 sees to it by itself.
+_METADATA: dict[str, Any] = (
+    {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
+)
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ def _open(given: Input) -> InputContainer:
             format=given.format,
             options=given.options,
             timeout=given.timeout,
-            metadata_errors="replace",
+            **_METADATA,
         )
         return container
     except (av.FFmpegError, OSError, ValueError) as error:
