@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from ssiam import CameraMotion, FrameSizeError
-from ssiam.geometry import map_points
+from ssiam.geometry import map_points, rigid
 from synthetic import generator, poses, seen, world
 
 SIZE = (640, 360)
 CORNERS = np.array([[0, 0], [640, 0], [640, 360], [0, 360]])
-GENERATORS = ["orb", "gftt", "harris", "brisk", "mser"]
+GENERATORS = ["grid", "orb", "gftt", "harris", "brisk", "mser"]
 
 
 def corner_error(cur_from_prev, truth):
@@ -31,6 +31,24 @@ def test_known_shake_is_found(keypoints):
         motion = camera.update(frame)
         assert motion.reliable
         assert corner_error(motion.cur_from_prev, truth) < 0.5
+
+
+def test_a_jump_beyond_the_reach_of_flow_is_found():
+    camera = CameraMotion()
+    for frame, truth in zip(*shaken(count=8, shift=25.0, angle=0.02), strict=True):
+        motion = camera.update(frame)
+        assert motion.reliable
+        assert corner_error(motion.cur_from_prev, truth) < 1.0
+
+
+def test_large_frames_are_worked_on_small_and_answered_large():
+    pose = rigid(31.0, -17.0, 0.015, (639.5, 359.5))
+    picture = world(size_wh=(1280, 720))
+    camera = CameraMotion()
+    camera.update(picture)
+    corners = 2 * CORNERS
+    found = map_points(camera.update(seen(picture, pose)).cur_from_prev, corners)
+    assert np.hypot(*(found - map_points(pose, corners)).T).mean() < 0.6
 
 
 def test_first_frame_is_the_identity():

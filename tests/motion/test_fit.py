@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssiam.geometry import map_points, rigid
-from ssiam.motion.fit import fit_rigid
+from ssiam.motion.fit import fit_motion
 from synthetic import generator
 
 
@@ -27,7 +27,7 @@ def corner_error(a_from_b, c_from_d):
 def test_both_fits_recover_an_exact_motion(dx, dy, angle):
     truth = rigid(dx, dy, angle, (320, 180))
     for method in ("robust", "least_squares"):
-        found, inliers = fit_rigid(*pairs(truth), method, tolerance=1.5)
+        found, inliers = fit_motion(*pairs(truth), method, tolerance=1.5)
         assert corner_error(found, truth) < 1e-6
         assert inliers == 1
 
@@ -36,8 +36,8 @@ def test_both_fits_recover_an_exact_motion(dx, dy, angle):
 def test_what_moves_by_itself_draws_only_least_squares_off(moving):
     truth = rigid(12, -5, 0.02, (320, 180))
     points = pairs(truth, moving=moving, noise=0.2)
-    robust, inliers = fit_rigid(*points, "robust", tolerance=1.5)
-    plain, _ = fit_rigid(*points, "least_squares", tolerance=1.5)
+    robust, inliers = fit_motion(*points, "robust", tolerance=1.5)
+    plain, _ = fit_motion(*points, "least_squares", tolerance=1.5)
     assert corner_error(robust, truth) < 0.3
     assert corner_error(plain, truth) > 1
     assert inliers == pytest.approx(1 - moving, abs=0.02)
@@ -45,17 +45,41 @@ def test_what_moves_by_itself_draws_only_least_squares_off(moving):
 
 def test_results_repeat():
     points = pairs(rigid(3, 4, 0.01), moving=0.4, noise=1.0)
-    first, second = (fit_rigid(*points, "robust", tolerance=1.5)[0] for _ in range(2))
+    first, second = (fit_motion(*points, "robust", tolerance=1.5)[0] for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("method", ["robust", "least_squares"])
 def test_one_place_gives_a_shift_and_no_rotation(method):
     prev_xy = np.full((3, 2), 7.0)
-    found, _ = fit_rigid(prev_xy, prev_xy + 2, method, tolerance=1.5)
+    found, _ = fit_motion(prev_xy, prev_xy + 2, method, tolerance=1.5)
     np.testing.assert_allclose(found, rigid(2, 2, 0), atol=1e-12)
 
 
 def test_unknown_fit_is_named():
     with pytest.raises(ValueError, match="unknown fit 'magic'"):
-        fit_rigid(*pairs(np.eye(3)), "magic", tolerance=1.5)
+        fit_motion(*pairs(np.eye(3)), "magic", tolerance=1.5)
+
+
+def test_the_similarity_model_finds_the_zoom():
+    truth = rigid(5, -3, 0.02, (320, 180)) @ np.diag([1.03, 1.03, 1.0])
+    points = pairs(truth, moving=0.3, noise=0.1)
+    zoomed, inliers = fit_motion(*points, "robust", tolerance=1.5, model="similarity")
+    stiff, _ = fit_motion(*points, "robust", tolerance=1.5)
+    assert corner_error(zoomed, truth) < 0.2
+    assert corner_error(stiff, truth) > 3
+    assert inliers == pytest.approx(0.7, abs=0.02)
+
+
+def test_trust_decides_between_two_equal_groups():
+    truth = rigid(4, 2, 0)
+    prev_xy, cur_xy = pairs(truth, moving=0.5)
+    trust = np.where(np.arange(len(prev_xy)) < len(prev_xy) // 2, 0.2, 1.0)
+    found, inliers = fit_motion(prev_xy, cur_xy, "robust", tolerance=1.5, trust=trust)
+    assert corner_error(found, truth) < 1e-3
+    assert inliers == pytest.approx(1 / 1.2)
+
+
+def test_unknown_model_is_named():
+    with pytest.raises(ValueError, match="unknown model 'magic'"):
+        fit_motion(*pairs(np.eye(3)), "robust", tolerance=1.5, model="magic")

@@ -108,7 +108,8 @@ def test_trimmed_by_an_edit_list_is_whole(tmp_path):
     path = write_clip(tmp_path / "trimmed.mp4", 60, codec_options={"bf": "0"})
     data = bytearray(path.read_bytes())
     # One second is shown of the two that the file holds.
-    struct.pack_into(">I", data, data.index(b"elst") + 12, 1000)
+    (ticks_per_second,) = struct.unpack_from(">I", data, data.index(b"mvhd") + 16)
+    struct.pack_into(">I", data, data.index(b"elst") + 12, ticks_per_second)
     path.write_bytes(data)
     with open_source(path) as source:
         assert [number_in(frame.image) for frame in source] == list(range(30))

@@ -20,8 +20,8 @@ class StabilizerConfig:
     stabilize : {"off", "paper", "literal"}
         "off" leaves every frame alone; "paper" moves it onto the smoothed camera path;
         "literal" is eq. 5 as printed, which puts one frame's shake back in (for ablation).
-    keypoints : {"orb", "gftt", "harris", "brisk", "mser"}
-        Keypoint generator of the camera motion (Table 2).
+    keypoints : {"grid", "orb", "gftt", "harris", "brisk", "mser"}
+        Keypoint generator of the camera motion (Table 2; "grid" is faster and surer).
     fit : {"robust", "least_squares"}
         Rigid fit of the camera motion; least squares is the printed form (eq. 3).
     window : int
