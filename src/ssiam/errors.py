@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 class SsiamError(Exception):
     """Base of all exceptions of this package; its text is one line written for the user."""
@@ -33,3 +35,9 @@ class FrameSizeError(SsiamError):
 
 class MissingExtraError(SsiamError):
     """A feature whose optional dependency is not installed."""
+
+
+def check_choice(kind: str, value: object, known: Sequence[str]) -> None:
+    """Raise `ArgumentError` that lists the `known` names unless `value` is one of them."""
+    if value not in known:
+        raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, FrameSizeError
 
 Transform: TypeAlias = NDArray[np.float64]
 Points: TypeAlias = NDArray[np.float64]
@@ -152,10 +152,21 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     return x, y, w, h
 
 
-def check_frame(frame: Image) -> None:
-    """Raise `ValueError` unless the frame is a non-empty (H, W, 3) uint8 array."""
+def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[int, int]:
+    """Width and height of a frame, or an error that says what is wrong with it.
+
+    Raises `ArgumentError` unless it is a non-empty (H, W, 3) uint8 array, `FrameSizeError` unless
+    it has the `size_wh` (width, height in pixels) of the frames before it, if that is given.
+    """
     if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
         form = f"{frame.shape} {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame)
         raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
-    if frame.shape[2] != 3 or frame.size == 0:
+    height, width, channels = frame.shape
+    if channels != 3 or frame.size == 0:
         raise ArgumentError(f"a frame has 3 channels and some pixels, not the shape {frame.shape}")
+    if size_wh not in (None, (width, height)):
+        raise FrameSizeError(
+            f"frame of {width}x{height} pixels after frames of "
+            f"{size_wh[0]}x{size_wh[1]}: one stream needs one size"
+        )
+    return width, height

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
-from ssiam.geometry import Image
+from ssiam.geometry import IDENTITY, Image
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.trackers import Track
 from ssiam.video import (
@@ -76,6 +76,5 @@ class Outputs:
         if not self._side_by_side:
             return drawn
         stab_from_raw = tracks[0].stab_from_raw
-        if stab_from_raw is None:
-            return side_by_side(drawn, FrameView(drawn, border=self._border).render())
-        return side_by_side(drawn, FrameView(drawn, stab_from_raw, self._border).render())
+        view = FrameView(drawn, IDENTITY if stab_from_raw is None else stab_from_raw, self._border)
+        return side_by_side(drawn, view.render())

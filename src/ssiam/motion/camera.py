@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import FrameSizeError
 from ssiam.geometry import Image, Transform, check_frame
 from ssiam.motion.fit import FitName, ModelName, fit_motion
 from ssiam.motion.flow import coarse_shift, follow
@@ -88,14 +87,7 @@ class CameraMotion:
         FrameSizeError
             The frame's size differs from the one before.
         """
-        check_frame(frame)
-        size_wh = frame.shape[1], frame.shape[0]
-        if self._size_wh not in (None, size_wh):
-            raise FrameSizeError(
-                f"frame of {size_wh[0]}x{size_wh[1]} pixels after frames of "
-                f"{self._size_wh[0]}x{self._size_wh[1]}: one stream needs one size"
-            )
-        self._size_wh = size_wh
+        size_wh = self._size_wh = check_frame(frame, self._size_wh)
         prev_gray, self._prev_gray = self._prev_gray, self._working(frame)
         if prev_gray is None:
             return Motion.none(size_wh, reliable=True)

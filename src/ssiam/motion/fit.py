@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import check_choice
 from ssiam.geometry import Points, Transform
 
 FitName: TypeAlias = Literal["robust", "least_squares"]
@@ -43,12 +43,8 @@ def fit_motion(
     A pair agrees when the transform takes it to within `tolerance` pixels; `trust` (N,) weighs
     the pairs. The rigid model (eq. 3) turns and shifts, the similarity also zooms.
     """
-    if method not in get_args(FitName):
-        raise ArgumentError(f"unknown fit {method!r}: choose from {', '.join(get_args(FitName))}")
-    if model not in get_args(ModelName):
-        raise ArgumentError(
-            f"unknown model {model!r}: choose from {', '.join(get_args(ModelName))}"
-        )
+    check_choice("fit", method, get_args(FitName))
+    check_choice("model", model, get_args(ModelName))
     p, q = _complex(prev_xy), _complex(cur_xy)
     trust = np.ones(len(p)) if trust is None else trust
     if method == "least_squares":

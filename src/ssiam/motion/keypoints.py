@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import check_choice
 from ssiam.geometry import Image
 
 KeypointName: TypeAlias = Literal["grid", "orb", "gftt", "harris", "brisk", "mser"]
@@ -35,6 +35,7 @@ def keypoint_generator(name: KeypointName) -> KeypointGenerator:
     Called with a grey frame (H, W) uint8 and a mask (H, W) uint8 or None (points only where it
     is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first.
     """
+    check_choice("keypoints", name, get_args(KeypointName))
     match name:
         case "grid":
             return _grid
@@ -48,9 +49,6 @@ def keypoint_generator(name: KeypointName) -> KeypointGenerator:
             return _corners(harris=False)
         case "harris":
             return _corners(harris=True)
-    raise ArgumentError(
-        f"unknown keypoints {name!r}: choose from {', '.join(get_args(KeypointName))}"
-    )
 
 
 def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import check_choice
 from ssiam.runtime.network import Network, RuntimeName, Tensor
 
 __all__ = ["Network", "RuntimeName", "Tensor", "load_network"]
@@ -23,8 +23,7 @@ def load_network(
     `input_shape` replaces the shape of the first input. Raises `WeightsError` for files that are
     missing or damaged, `ValueError` for an unknown runtime.
     """
-    if runtime != "openvino":
-        raise ArgumentError(f"unknown runtime {runtime!r}: choose from {get_args(RuntimeName)}")
+    check_choice("runtime", runtime, get_args(RuntimeName))
     from ssiam.runtime.openvino import OpenVinoNetwork
 
     return OpenVinoNetwork(path, input_shape, threads)

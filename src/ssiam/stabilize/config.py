@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, check_choice
 from ssiam.motion import FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal"]
@@ -56,10 +56,7 @@ class StabilizerConfig:
     tha: float = 0.3
 
     def __post_init__(self) -> None:
-        if self.stabilize not in get_args(Method):
-            raise ArgumentError(
-                f"unknown stabilize {self.stabilize!r}: choose from {', '.join(get_args(Method))}"
-            )
+        check_choice("stabilize", self.stabilize, get_args(Method))
         if self.window < 1:
             raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
         for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from ssiam.errors import ArgumentError, WeightsError
+from ssiam.errors import ArgumentError, WeightsError, check_choice
 from ssiam.runtime import RuntimeName
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
@@ -56,8 +56,7 @@ def load_tracker(
     >>> tracker.update(next_frame).box
     """
     name = name or DEFAULT_TRACKER
-    if name not in TRACKERS:
-        raise ArgumentError(f"unknown tracker {name!r}: choose from {', '.join(TRACKERS)}")
+    check_choice("tracker", name, TRACKERS)
     if threads < 1:
         raise ArgumentError(f"threads is {threads}: it must be at least 1")
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize

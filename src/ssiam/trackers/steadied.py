@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ssiam.errors import ArgumentError, FrameSizeError
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, check_box, check_frame
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
@@ -59,8 +59,7 @@ class SteadiedTracker:
         ValueError
             The frame is not an image, or the box is empty, not finite or outside of it.
         """
-        check_frame(frame)
-        self._size_wh = frame.shape[1], frame.shape[0]
+        self._size_wh = check_frame(frame)
         self._box = check_box(box, self._size_wh)
         self._camera = self.camera()
         self._stabilizer = Stabilizer(self._config)
@@ -86,14 +85,9 @@ class SteadiedTracker:
         FrameSizeError
             The frame's size is not that of the first one.
         """
-        check_frame(frame)
         if self._box is None:
             raise ArgumentError("no target yet: call init(frame, box) before update(frame)")
-        if (frame.shape[1], frame.shape[0]) != self._size_wh:
-            raise FrameSizeError(
-                f"frame of {frame.shape[1]}x{frame.shape[0]} pixels, but tracking began at "
-                f"{self._size_wh[0]}x{self._size_wh[1]}: one stream needs one size"
-            )
+        check_frame(frame, self._size_wh)
         if self._camera is None:
             track = self._tracker.track(FrameView(frame))
         else:

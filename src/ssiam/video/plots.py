@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import MissingExtraError, SinkError
-from ssiam.geometry import rigid_parameters
+from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
 from ssiam.stabilize import CameraPath
 from ssiam.trackers import Track
+from ssiam.video.outputs import check_output, output_error
 
 _RAW, _SMOOTH, _UNSURE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
 _AXES = (
@@ -48,10 +48,9 @@ class PathPlot:
     def __init__(self, path: Path, window: int) -> None:
         if importlib.util.find_spec("matplotlib") is None:
             raise MissingExtraError("a plot needs matplotlib: pip install 'ssiam[plot]'")
-        if not path.parent.is_dir():
-            raise SinkError(f"{path}: the folder {path.parent} does not exist; make it first")
         if path.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise SinkError(f"{path}: a plot is written as .png, .svg or .pdf")
+        check_output(path)
         self._path = path
         self._camera_path = CameraPath(window)
         self._rows: list[tuple[float, ...]] = []
@@ -71,12 +70,7 @@ class PathPlot:
     def __enter__(self) -> PathPlot:
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc: object) -> None:
         if self._rows:
             self._draw(np.array(self._rows))
 
@@ -110,14 +104,13 @@ class PathPlot:
         try:
             figure.savefig(self._path, dpi=130)
         except OSError as error:
-            raise SinkError(f"{self._path}: cannot be written ({error.strerror})") from error
+            raise output_error(self._path, error) from error
 
 
 def _correction(track: Track, motion: Motion) -> tuple[float, ...]:
     """(dx', dy', da') of the steadying and 1.0 or 0.0 for a reliable motion."""
-    width, height = motion.size_wh
     assert track.stab_from_raw is not None
-    shift_angle = rigid_parameters(track.stab_from_raw, ((width - 1) / 2, (height - 1) / 2))
+    shift_angle = rigid_parameters(track.stab_from_raw, frame_centre(motion.size_wh))
     return (*shift_angle, float(motion.reliable))
 
 
