@@ -1,132 +1,199 @@
-"""Camera motion on real footage that is shaken with known motion.
+"""Camera motion: this project's estimator and its peers, against motion that is known.
 
-    python benchmarks/motion.py [--keypoints grid,orb] [--frames 60]
+    python benchmarks/motion.py [--frames 60] [--seeds 3] [--no-peers] [--plot PATH]
 
-Every sequence is shaken by shifts of 2, 3 and 5 % of the width with 1 degree of roll, independent
-from frame to frame, and by a hand-held path (1/f). What the estimator says of a shaken pair must be
-what it says of the unshaken pair with the known shake applied: the mean distance of the corners
-between the two, in % of the width, is the error. Needs the folder of test data (see
-shared_data.py).
+Drawn scenes (bench/motion_bench.py of the test data): the error c is the root mean square over the
+frames of the mean distance of the four corners, in pixels. Real footage, shaken by independent
+shifts of 2, 3 and 5 % of the width with 1 degree of roll, and by a hand-held path (1/f): what an
+estimator says of a shaken pair must be what it says of the unshaken pair with the known shake
+applied; the error is the mean distance of the corners between the two, in % of the width.
+
+Every estimator runs in a process of its own, on one thread, the peers in virtual environments that
+are made with pip on the first run. A clip goes to all of them in turn, so that they share the
+machine's noise; times are medians over a clip's frames, colour conversion and resizing included.
+Estimators with a mask are told the target's box of the frame before. Needs the folder of test data
+(see shared_data.py).
 """
 
 from __future__ import annotations
 
 import argparse
-import time
-from itertools import islice
-from typing import get_args
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from itertools import chain
+from pathlib import Path
 
-import cv2
 import numpy as np
 
-import ssiam
-from shared_data import SEQUENCES, read_sequence
-from ssiam.geometry import corners_from_xywh, frame_centre, map_box, map_points, rigid
-from ssiam.motion import KeypointName
-from ssiam.video import open_source
+from motion_clips import UNSHAKEN, Clip, drawn_clips, real_clips
+from motion_peers import PEERS, EstimatorFailed, Run, Worker
+from motion_report import Score, draw, tables
 
-SHAKES = ("2 %", "3 %", "5 %", "hand-held")
-FAR = 1.0  # % of the width, beyond which an estimate is useless
-
-
-def hand_held(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Path (count, 3) with a 1/f amplitude and standard deviation 1 in each column."""
-    frequency = np.fft.rfftfreq(count)[:, None]
-    amplitude = np.divide(1, frequency, out=np.zeros_like(frequency), where=frequency > 0)
-    phase = np.exp(2j * np.pi * rng.random((len(frequency), 3)))
-    path = np.fft.irfft(amplitude * phase, count, axis=0)
-    return path / path.std(axis=0)
+OURS = ("ssiam-direct", "ssiam-direct-similarity", "ssiam-orb", "ssiam-gftt")
+BASELINE = "vidstab-gftt"
+SCENES = ("synthetic", "real")
+PICTURE = Path(__file__).parents[1] / "docs" / "images" / "motion-pareto.png"
+LEAST_FRAMES = 5  # the first three of a drawn scene are not counted
 
 
-def poses(shake: str, count: int, size_wh: tuple[int, int], name: str) -> list[np.ndarray]:
-    """shaken_from_raw of every frame; the same at every run."""
-    rng = np.random.default_rng(sum(map(ord, name + shake)))
-    width = size_wh[0]
-    if shake == "hand-held":
-        steps = hand_held(count, rng) * (0.05 * width, 0.05 * width, np.deg2rad(2))
-    else:
-        share = float(shake.split()[0]) / 100
-        steps = rng.normal(0, (share * width, share * width, np.deg2rad(1)), (count, 3))
-    return [rigid(*step, frame_centre(size_wh)) for step in steps]
+def scores(clips: Iterator[Clip], workers: Sequence[Worker]) -> Iterator[Score]:
+    """Every estimator on every clip, clip by clip."""
+    unshaken: dict[str, Run | EstimatorFailed] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "clip.npz"
+        for clip in clips:
+            print(f"{clip.place} {clip.scene}: {clip.name}", file=sys.stderr, flush=True)
+            clip.save(path)
+            for worker in workers:
+                run: Run | EstimatorFailed
+                try:
+                    run = worker.run(path, exclude=clip.exclude)
+                except EstimatorFailed as error:
+                    run = error
+                if clip.scene == UNSHAKEN:
+                    unshaken[worker.name] = run
+                else:
+                    yield score(worker.name, clip, run, unshaken.get(worker.name))
 
 
-def estimates(
-    keypoints: KeypointName, frames: list[np.ndarray], boxes: list[tuple[float, ...]]
-) -> tuple[list[np.ndarray], float]:
-    """cur_from_prev of every frame, and the median milliseconds of one."""
-    camera = ssiam.CameraMotion(keypoints)
-    found, took = [], []
-    for index, frame in enumerate(frames):
-        start = time.perf_counter()
-        motion = camera.update(frame, exclude=boxes[max(index - 1, 0)])
-        took.append(1e3 * (time.perf_counter() - start))
-        found.append(motion.cur_from_prev)
-    return found, float(np.median(took))
+def score(
+    estimator: str, clip: Clip, run: Run | EstimatorFailed, unshaken: Run | EstimatorFailed | None
+) -> Score:
+    """An estimator's score on a clip, of what it said of that and of the unshaken footage."""
+    names = estimator, clip.place, clip.scene, clip.name
+    if isinstance(run, EstimatorFailed):
+        return Score(*names, np.empty(0), failed=str(run))
+    if isinstance(unshaken, EstimatorFailed):
+        return Score(*names, np.empty(0), failed=f"unshaken: {unshaken}")
+    found_unshaken = None if unshaken is None else unshaken.cur_from_prev
+    errors = clip.errors(run.cur_from_prev, found_unshaken)
+    return Score(*names, errors, float(np.median(run.ms)), float(run.reliable.mean()))
 
 
-def errors(name: str, keypoints: KeypointName, count: int) -> tuple[dict[str, np.ndarray], float]:
-    """Error of each frame under each shake, % of the width; and milliseconds a frame."""
-    sequence = read_sequence(name)
-    with open_source(sequence.frames) as source:
-        size_wh = source.size_wh
-        frames = [frame.image for frame in islice(source, count)]
-    boxes = [tuple(box) for box in sequence.boxes]
-    plain, _ = estimates(keypoints, frames, boxes)
-    corners = corners_from_xywh((0, 0, *size_wh))
-    result, times = {}, []
-    for shake in SHAKES:
-        shaken_from_raw = poses(shake, len(frames), size_wh, name)
-        shaken = [
-            cv2.warpAffine(frame, pose[:2], size_wh, borderMode=cv2.BORDER_REFLECT_101)
-            for frame, pose in zip(frames, shaken_from_raw, strict=True)
-        ]
-        moved = [map_box(p, b) for p, b in zip(shaken_from_raw, boxes, strict=False)]
-        found, took = estimates(keypoints, shaken, moved)
-        times.append(took)
-        wanted = [
-            cur @ motion @ np.linalg.inv(prev)
-            for prev, cur, motion in zip(
-                shaken_from_raw, shaken_from_raw[1:], plain[1:], strict=False
-            )
-        ]
-        distances = [
-            np.hypot(*(map_points(f, corners) - map_points(w, corners)).T).mean()
-            for f, w in zip(found[1:], wanted, strict=True)
-        ]
-        result[shake] = 100 * np.array(distances) / size_wh[0]
-    return result, float(np.median(times))
+def start(names: Sequence[str], environments: Path, stack: ExitStack) -> Iterator[Worker]:
+    """The estimators that can be started; a table of all of them is printed."""
+    print("| estimator | versions |\n|---|---|")
+    for name in names:
+        try:
+            worker = stack.enter_context(Worker(name, environments))
+        except EstimatorFailed as error:
+            print(f"| {name} | {error} |", flush=True)
+            continue
+        versions = ", ".join(f"{package} {number}" for package, number in worker.versions.items())
+        print(f"| {name} | {versions} |", flush=True)
+        yield worker
+    print()
+
+
+def comma_separated(text: str) -> list[str]:
+    """Words of an option."""
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def sizes(text: str) -> list[tuple[int, int]]:
+    """(width, height) of each of "640x360,1280x720"."""
+    pairs = [word.split("x") for word in comma_separated(text)]
+    return [(int(width), int(height)) for width, height in pairs]
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    what = parser.add_argument_group("what is measured")
+    what.add_argument(
+        "--estimators",
+        type=comma_separated,
+        default=[*OURS, *PEERS],
+        metavar="A,B,...",
+        help="ssiam-KEYPOINTS[-similarity][-least_squares] or a peer. Default: "
+        + ", ".join([*OURS, *PEERS]),
+    )
+    what.add_argument("--no-peers", action="store_true", help="leave the peers out")
+    what.add_argument(
+        "--scenes",
+        type=comma_separated,
+        default=[*SCENES],
+        metavar="A,B",
+        help="drawn scenes, real footage. Default: synthetic,real",
+    )
+    what.add_argument(
+        "--no-exclude",
+        type=comma_separated,
+        default=["hard"],
+        metavar="A,B,...",
+        help="drawn scenes measured a second time without telling the target's box. Default: hard",
+    )
+    amount = parser.add_argument_group("how much of it")
+    amount.add_argument("--frames", type=int, default=60, help="frames of a clip. Default: 60")
+    amount.add_argument("--seeds", type=int, default=3, help="clips of a drawn scene. Default: 3")
+    amount.add_argument(
+        "--sizes",
+        type=sizes,
+        default=[(640, 360), (1280, 720)],
+        metavar="WxH,...",
+        help="sizes of the drawn scenes. Default: 640x360,1280x720",
+    )
+    where = parser.add_argument_group("what comes out, and where")
+    where.add_argument(
+        "--by-sequence",
+        type=comma_separated,
+        default=["ssiam-direct"],
+        metavar="A,B,...",
+        help="estimators with a table of every real sequence. Default: ssiam-grid",
+    )
+    where.add_argument(
+        "--plot",
+        type=Path,
+        default=PICTURE,
+        metavar="PATH",
+        help="picture of speed against error. Default: docs/images/motion-pareto.png",
+    )
+    where.add_argument("--json", type=Path, metavar="PATH", help="write the scores of every clip")
+    where.add_argument(
+        "--environments",
+        type=Path,
+        default=Path(tempfile.gettempdir()) / "ssiam-motion-peers",
+        metavar="DIR",
+        help="the peers' virtual environments, made there once. Default: in the temporary folder",
+    )
+    arguments = parser.parse_args()
+    if arguments.frames < LEAST_FRAMES:
+        parser.error(f"--frames {arguments.frames}: give it {LEAST_FRAMES} at least")
+    for name in arguments.estimators:
+        if name not in PEERS and not name.startswith("ssiam-"):
+            parser.error(f"unknown estimator {name!r}")
+    for scenes in arguments.scenes:
+        if scenes not in SCENES:
+            parser.error(f"unknown scenes {scenes!r}")
+    return arguments
 
 
 def main() -> None:
-    """Print a table for each generator."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--keypoints", default="grid,orb")
-    parser.add_argument("--frames", type=int, default=60)
-    arguments = parser.parse_args()
-    cv2.setNumThreads(1)
-    names = sorted(path.name for path in SEQUENCES.iterdir())
-    for keypoints in arguments.keypoints.split(","):
-        if keypoints not in get_args(KeypointName):
-            parser.error(f"unknown keypoints {keypoints!r}")
-        print(
-            f"| {keypoints}: median, % of width / frames beyond {FAR:g} % | " + " | ".join(SHAKES),
-            end="",
-        )
-        print(" | ms |\n" + "|---" * (len(SHAKES) + 2) + "|")
-        medians, beyond = [], []
-        for name in names:
-            result, took = errors(name, keypoints, arguments.frames)
-            medians.append([np.median(result[shake]) for shake in SHAKES])
-            beyond.append([100 * (result[shake] > FAR).mean() for shake in SHAKES])
-            cells = [f"{m:.2f} / {b:.0f} %" for m, b in zip(medians[-1], beyond[-1], strict=True)]
-            print(f"| {name} | " + " | ".join(cells) + f" | {took:.1f} |", flush=True)
-        cells = [
-            f"{m:.3f} / mean {b:.1f} %, worst {w:.0f} %"
-            for m, b, w in zip(
-                np.median(medians, 0), np.mean(beyond, 0), np.max(beyond, 0), strict=True
-            )
-        ]
-        print("| all | " + " | ".join(cells) + " | |\n")
+    """Measure, and print the tables."""
+    arguments = parsed()
+    names = [n for n in arguments.estimators if not (arguments.no_peers and n in PEERS)]
+    count = arguments.frames
+    clips = {
+        "synthetic": drawn_clips(arguments.sizes, count, arguments.seeds, arguments.no_exclude),
+        "real": real_clips(count),
+    }
+    with ExitStack() as stack:
+        workers = list(start(names, arguments.environments, stack))
+        chosen = chain.from_iterable(clips[s] for s in SCENES if s in arguments.scenes)
+        results = list(scores(chosen, workers))
+    print(tables(results, BASELINE, arguments.by_sequence))
+    for result in results:
+        if result.failed:
+            clip = f"{result.place} {result.scene}, {result.clip}"
+            print(f"\n{result.estimator} failed on {clip}: {result.failed}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps([r.summary() for r in results], indent=1))
+    draw(results, arguments.plot)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 
 class SsiamError(Exception):
@@ -37,7 +38,11 @@ class MissingExtraError(SsiamError):
     """A feature whose optional dependency is not installed."""
 
 
-def check_choice(kind: str, value: object, known: Sequence[str]) -> None:
-    """Raise `ArgumentError` that lists the `known` names unless `value` is one of them."""
+Choice = TypeVar("Choice", bound=str)
+
+
+def check_choice(kind: str, value: Choice, known: Sequence[Choice]) -> Choice:
+    """`value`, if it is one of the `known` names; else an `ArgumentError` that lists them."""
     if value not in known:
         raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")
+    return value

@@ -1,8 +1,8 @@
-"""What the camera did between two frames: keypoints, optical flow, rigid fit."""
+"""What the camera did between two frames: alignment of all its pixels, or keypoints and flow."""
 
-from ssiam.motion.camera import CameraMotion
-from ssiam.motion.fit import FitName, ModelName
-from ssiam.motion.keypoints import KeypointName
+from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName
+from ssiam.motion.fit import FitName
+from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion
 
-__all__ = ["CameraMotion", "FitName", "KeypointName", "ModelName", "Motion"]
+__all__ = ["KEYPOINTS", "CameraMotion", "FitName", "KeypointName", "ModelName", "Motion"]

@@ -3,51 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Literal, Protocol, TypeAlias, get_args
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ssiam.geometry import Image, Transform, check_frame
-from ssiam.motion.fit import FitName, ModelName, fit_motion
-from ssiam.motion.flow import coarse_shift, follow
-from ssiam.motion.keypoints import KeypointName, Keypoints, keypoint_generator, spread
+from ssiam.errors import ArgumentError, check_choice
+from ssiam.geometry import Image, check_frame
+from ssiam.motion.direct import DirectMotion
+from ssiam.motion.fit import FitName
+from ssiam.motion.keypoints import GeneratorName, keypoint_generator
+from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion
+from ssiam.motion.points import PointMotion
 
-_GROW: Final = 0.10  # of the target's size, added on each side: its edges move with it
-_MIN_POINTS: Final = 12  # agreeing pairs below which a fit proves nothing
-_MIN_SHARE: Final = 0.20  # of the pairs that must agree
-_TOLERANCE: Final = 1.5  # px of a picture 640 wide, or of the working size, for agreeing pairs
-_SURE_SHARE: Final = 0.50  # of the pairs that agree; below, the flow is started again
-_WORKING_WIDTH: Final = 320  # px; large enough to be exact, small enough to see through waves
-_LEAST_TRUST: Final = 0.2  # weight of a point at the target's edge; 1 from its size away
-_MAX_SHIFT: Final = 0.30  # of the width between two frames; beyond it is a cut
-_MAX_ANGLE: Final = 0.35  # rad between two frames
+KeypointName: TypeAlias = Literal["direct"] | GeneratorName
+KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
+
+
+class _Estimator(Protocol):
+    """Remembers one frame; tells the motion from it to the next."""
+
+    def see(self, frame: Image) -> None: ...
+
+    def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion: ...
 
 
 class CameraMotion:
     """Estimates the camera's motion from frame to frame, without delay.
 
-    Keypoints of the previous frame are followed by Lucas-Kanade flow, and a transform is fitted to
-    the pairs (eq. 1-4 of the paper). Where few pairs agree, the flow is started again from where
-    the middle of the picture went. Memory and time per frame do not grow.
+    Memory and time per frame do not grow with the stream.
 
     Parameters
     ----------
-    keypoints : {"grid", "orb", "gftt", "harris", "brisk", "mser"}
-        Where points are looked for. "grid" takes the best corner of each cell of the frame, 320
-        pixels wide: the fastest, and the surest under strong shake. The others are the paper's,
-        at full size; ORB is its choice.
+    keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}
+        "direct" needs no keypoints: samples all over the picture, 320 pixels long, are aligned
+        at once. It is the fastest and the most exact, and the surest under strong shake. The
+        others are the paper's (Table 2; ORB is its choice): keypoints of the full-size picture,
+        followed by Lucas-Kanade flow (eq. 1-4).
     fit : {"robust", "least_squares"}
-        How the transform is fitted; least squares is the printed form, and is drawn off by
-        anything that moves by itself.
-    model : {"rigid", "similarity"}
-        "rigid" (the paper's) turns and shifts; "similarity" also zooms.
+        How a transform is fitted to keypoints; least squares is the printed form, and is drawn
+        off by anything that moves by itself.
+    model : {"similarity", "rigid", "affine", "homography"}
+        What the camera may do: "rigid" (the paper's) turns and shifts, "similarity" also zooms,
+        "affine" also shears, "homography" also tilts. `Motion.shift_angle` tells the rigid part.
 
     Examples
     --------
-    >>> camera = CameraMotion(keypoints="orb")
+    >>> camera = CameraMotion()
     >>> for frame in frames:
     ...     motion = camera.update(frame)
     ...     background_now = ssiam.geometry.map_points(motion.cur_from_prev, background_before)
@@ -55,21 +58,21 @@ class CameraMotion:
 
     def __init__(
         self,
-        keypoints: KeypointName = "grid",
+        keypoints: KeypointName = "direct",
         fit: FitName = "robust",
-        model: ModelName = "rigid",
+        model: ModelName = "similarity",
     ) -> None:
-        self._generate = keypoint_generator(keypoints)
-        self._by_area = keypoints == "grid"
-        self._fit: FitName = fit
-        self._model: ModelName = model
+        self._keypoints: KeypointName = check_choice("keypoints", keypoints, KEYPOINTS)
+        self._fit: FitName = check_choice("fit", fit, get_args(FitName))
+        self._model: ModelName = check_choice("model", model, get_args(ModelName))
         self._size_wh: tuple[int, int] | None = None
-        self._prev_gray: Image | None = None
+        self._estimator: _Estimator | None = None
 
     def update(
         self,
         frame: Image,
         exclude: Sequence[float] | Sequence[Sequence[float]] | None = None,
+        motion: Motion | ArrayLike | None = None,
     ) -> Motion:
         """Motion from the frame of the last call to this one.
 
@@ -78,108 +81,37 @@ class CameraMotion:
         frame : (H, W, 3) uint8 BGR
         exclude : (x, y, w, h) or several of them, optional
             Boxes of things that move by themselves, the target first of all, where they were in
-            the previous frame; raw-frame pixels. No keypoint is taken from them.
+            the previous frame; raw-frame pixels. Nothing inside has a say.
+        motion : Motion or (3, 3) or (2, 3) array, optional
+            The motion if something else knows it, in place of the estimate: a gimbal's, a
+            gyro's (`Motion.from_rotation`), a flight controller's. An array takes background
+            points of the previous frame to this one, raw-frame pixels.
 
         Raises
         ------
         ValueError
-            The frame is not (H, W, 3) uint8.
+            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not of its form.
         FrameSizeError
             The frame's size differs from the one before.
         """
         size_wh = self._size_wh = check_frame(frame, self._size_wh)
-        prev_gray, self._prev_gray = self._prev_gray, self._working(frame)
-        if prev_gray is None:
-            return Motion.none(size_wh, reliable=True)
-        boxes = np.asarray([] if exclude is None else exclude, dtype=np.float64).reshape(-1, 4)
-        scale = self._prev_gray.shape[1] / size_wh[0]
-        found = self._pairs_fit(prev_gray, self._prev_gray, boxes * scale)
-        if found is None:
-            return Motion.none(size_wh)
-        work_from_work, inliers = found
-        motion = Motion(_full_size(work_from_work, scale), inliers, True, size_wh)
-        return motion if _plausible(motion) else Motion.none(size_wh)
+        if self._estimator is None:
+            self._estimator = self._made(size_wh)
+        if motion is None:
+            return self._estimator.motion(frame, _boxes(exclude))
+        self._estimator.see(frame)
+        return motion if isinstance(motion, Motion) else Motion.given(motion, size_wh)
 
-    def _working(self, frame: Image) -> Image:
-        """The grey frame, at the working width if points are sampled by area."""
-        gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-        height, width = gray.shape
-        if self._by_area and width > _WORKING_WIDTH:
-            size_wh = _WORKING_WIDTH, max(round(height * _WORKING_WIDTH / width), 1)
-            gray = cv2.resize(gray, size_wh)
-        return np.asarray(gray, dtype=np.uint8)
-
-    def _pairs_fit(
-        self, prev_gray: Image, cur_gray: Image, boxes: NDArray[np.float64]
-    ) -> tuple[Transform, float] | None:
-        """Transform and share of agreeing pairs at the working size; None if they prove nothing."""
-        size_wh = cur_gray.shape[1], cur_gray.shape[0]
-        points = spread(self._generate(prev_gray, _background(size_wh, boxes)), size_wh)
-        first = self._attempt(points, prev_gray, cur_gray, boxes, None)
-        if first is None or first[1] < _SURE_SHARE:
-            shift_xy = coarse_shift(prev_gray, cur_gray)
-            second = self._attempt(points, prev_gray, cur_gray, boxes, shift_xy)
-            if first is None or (second is not None and second[2] > first[2]):
-                first = second
-        if first is None:
-            return None
-        work_from_work, inliers, agreeing = first
-        agreed = inliers >= _MIN_SHARE and agreeing >= _MIN_POINTS
-        return (work_from_work, inliers) if agreed or self._fit == "least_squares" else None
-
-    def _attempt(
-        self,
-        points: Keypoints,
-        prev_gray: Image,
-        cur_gray: Image,
-        boxes: NDArray[np.float64],
-        shift_xy: tuple[float, float] | None,
-    ) -> tuple[Transform, float, float] | None:
-        """Transform, share and number of agreeing pairs, with the flow started at `shift_xy`."""
-        prev_xy, cur_xy = follow(prev_gray, cur_gray, points, shift_xy)
-        if len(prev_xy) < _MIN_POINTS:
-            return None
-        work_from_work, inliers = fit_motion(
-            prev_xy.astype(np.float64),
-            cur_xy.astype(np.float64),
-            self._fit,
-            _TOLERANCE if self._by_area else max(_TOLERANCE * cur_gray.shape[1] / 640, 1.0),
-            model=self._model,
-            trust=_trust(prev_xy, boxes),
-        )
-        return work_from_work, inliers, inliers * len(prev_xy)
+    def _made(self, size_wh: tuple[int, int]) -> _Estimator:
+        if self._keypoints == "direct":
+            return DirectMotion(size_wh, self._model)
+        generate = keypoint_generator(self._keypoints)
+        return PointMotion(size_wh, generate, self._fit, self._model)
 
 
-def _full_size(work_from_work: Transform, scale: float) -> Transform:
-    """A transform of the working size as one of the frame; pixel centres lie at whole numbers."""
-    offset = (scale - 1) / 2
-    work_from_frame = np.array([[scale, 0, offset], [0, scale, offset], [0, 0, 1]])
-    frame_from_work = np.linalg.inv(work_from_frame)
-    return np.asarray(frame_from_work @ work_from_work @ work_from_frame, dtype=np.float64)
-
-
-def _trust(points: Keypoints, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights (N,) of points: what lies within a target's size of it may well move with it."""
-    distance = np.ones(len(points))
-    for x, y, w, h in boxes:
-        away = np.maximum(np.maximum((x, y) - points, points - (x + w, y + h)), 0)
-        distance = np.minimum(distance, np.hypot(away[:, 0], away[:, 1]) / max(w, h))
-    return np.asarray(np.maximum(distance, _LEAST_TRUST), dtype=np.float64)
-
-
-def _plausible(motion: Motion) -> bool:
-    dx, dy, angle = motion.shift_angle
-    return bool(np.hypot(dx, dy) <= _MAX_SHIFT * motion.size_wh[0] and abs(angle) <= _MAX_ANGLE)
-
-
-def _background(size_wh: tuple[int, int], boxes: NDArray[np.float64]) -> Image | None:
-    """Mask (H, W) uint8 that is 0 on the boxes, grown a little; None without boxes."""
-    if len(boxes) == 0:
-        return None
-    width, height = size_wh
-    mask = np.full((height, width), 255, dtype=np.uint8)
-    for x, y, w, h in boxes.tolist():
-        left, top = max(round(x - _GROW * w), 0), max(round(y - _GROW * h), 0)
-        right, bottom = round(x + (1 + _GROW) * w), round(y + (1 + _GROW) * h)
-        mask[top : max(bottom, 0), left : max(right, 0)] = 0
-    return mask
+def _boxes(exclude: Any) -> NDArray[np.float64]:
+    """Boxes (N, 4) xywh."""
+    boxes = np.asarray([] if exclude is None else exclude, dtype=np.float64)
+    if boxes.size % 4 or boxes.ndim > 2 or not np.isfinite(boxes).all():
+        raise ArgumentError(f"exclude is {exclude}: give (x, y, w, h) in pixels, or several")
+    return boxes.reshape(-1, 4)

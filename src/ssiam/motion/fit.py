@@ -11,21 +11,22 @@ Points are complex numbers here, x + iy: a rigid transform is ``q = turn * p + s
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import check_choice
 from ssiam.geometry import Points, Transform
+from ssiam.motion.models import FREEDOM, ModelName, change, map_units, velocities, within
 
 FitName: TypeAlias = Literal["robust", "least_squares"]
-ModelName: TypeAlias = Literal["rigid", "similarity"]
 Complex: TypeAlias = NDArray[np.complex128]
 Floats: TypeAlias = NDArray[np.float64]
 
 _HYPOTHESES = 100  # of two points each; at 20 % of inliers one in fifty frames finds none
 _ROUNDS = 4  # of reweighting
+_FREE_ROUNDS = 6  # the same, for affine and homography
+_DAMPING = 1e-9  # keeps points on one line solvable
 _MAX_ZOOM = 0.2  # between two frames, by which a hypothesis may grow or shrink
 
 
@@ -36,26 +37,46 @@ def fit_motion(
     tolerance: float,
     *,
     model: ModelName = "rigid",
-    trust: Floats | None = None,
 ) -> tuple[Transform, float]:
     """`cur_from_prev` of point pairs (N, 2), N >= 2, and the share 0..1 that agree.
 
-    A pair agrees when the transform takes it to within `tolerance` pixels; `trust` (N,) weighs
-    the pairs. The rigid model (eq. 3) turns and shifts, the similarity also zooms.
+    A pair agrees when the transform takes it to within `tolerance` pixels. The rigid model
+    (eq. 3) turns and shifts; the others have more freedom (see `models`).
     """
-    check_choice("fit", method, get_args(FitName))
-    check_choice("model", model, get_args(ModelName))
     p, q = _complex(prev_xy), _complex(cur_xy)
-    trust = np.ones(len(p)) if trust is None else trust
     if method == "least_squares":
-        turn, shift = least_squares(p, q, trust, model)
+        turn, shift = least_squares(p, q, np.ones(len(p)), model)
     else:
-        turn, shift = robust(p, q, trust, tolerance, model)
+        turn, shift = robust(p, q, tolerance, model)
     cur_from_prev = np.array(
         [[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1]]
     )
-    agree = np.abs(turn * p + shift - q) <= tolerance
-    return cur_from_prev, float(trust @ agree / trust.sum())
+    if model in ("affine", "homography"):
+        sigma = tolerance if method == "robust" else np.inf
+        cur_from_prev = _freed(cur_from_prev, prev_xy, cur_xy, sigma, model)
+    distance = np.hypot(*(map_units(cur_from_prev, prev_xy.T) - cur_xy.T))
+    return cur_from_prev, float((distance <= tolerance).mean())
+
+
+def _freed(
+    cur_from_prev: Transform, prev_xy: Points, cur_xy: Points, sigma: float, model: ModelName
+) -> Transform:
+    """A similarity improved within a larger model, under Geman-McClure weights of `sigma` px."""
+    middle, size = prev_xy.mean(axis=0), max(float(np.ptp(prev_xy, axis=0).max()) / 2, 1.0)
+    pixel_from_unit = np.array([[size, 0, middle[0]], [0, size, middle[1]], [0, 0, 1]])
+    unit_from_pixel = np.linalg.inv(pixel_from_unit)
+    found = unit_from_pixel @ cur_from_prev @ pixel_from_unit
+    prev, cur = ((xy - middle).T / size for xy in (prev_xy, cur_xy))
+    for _ in range(_FREE_ROUNDS):
+        mapped = map_units(found, prev)
+        residual = cur - mapped
+        weights = 1 / (1 + (residual**2).sum(axis=0) * (size / sigma) ** 2) ** 2
+        flow = velocities(mapped, model)
+        hessian = np.einsum("iaj,kaj,j->ik", flow, flow, weights)
+        hessian += _DAMPING * np.eye(FREEDOM[model]) * weights.sum()
+        steps = np.linalg.solve(hessian, np.einsum("iaj,aj,j->i", flow, residual, weights))
+        found = within(change(steps) @ found, model)
+    return np.asarray(pixel_from_unit @ found @ unit_from_pixel, dtype=np.float64)
 
 
 def least_squares(
@@ -71,23 +92,21 @@ def least_squares(
     return complex(turn), complex(q_mean - turn * p_mean)
 
 
-def robust(
-    p: Complex, q: Complex, trust: Floats, tolerance: float, model: ModelName
-) -> tuple[complex, complex]:
+def robust(p: Complex, q: Complex, tolerance: float, model: ModelName) -> tuple[complex, complex]:
     """(turn, shift) of the largest group of pairs that agree within `tolerance` pixels.
 
     The group is found by two-point hypotheses (the same ones at every call, so results repeat),
     then refined by least squares under Geman-McClure weights that grow stricter.
     """
-    turn, shift = _consensus(p, q, trust, tolerance, model)
+    turn, shift = _consensus(p, q, tolerance, model)
     for sigma in np.geomspace(tolerance, tolerance / 2, _ROUNDS):
         squared = _squared(turn * p + shift - q)
-        turn, shift = least_squares(p, q, trust / (1 + squared / sigma**2) ** 2, model)
+        turn, shift = least_squares(p, q, 1 / (1 + squared / sigma**2) ** 2, model)
     return turn, shift
 
 
 def _consensus(
-    p: Complex, q: Complex, trust: Floats, tolerance: float, model: ModelName
+    p: Complex, q: Complex, tolerance: float, model: ModelName
 ) -> tuple[complex, complex]:
     """The two-point hypothesis that most pairs come near to.
 
@@ -102,7 +121,7 @@ def _consensus(
     turn = np.where(unlikely, np.divide(turn, zoom, out=np.ones_like(turn), where=zoom > 0), turn)
     shift = (q[first] + q[second] - turn * (p[first] + p[second])) / 2
     squared = _squared(turn[:, None] * p + shift[:, None] - q)
-    best = int(np.argmax((trust / (1 + squared / tolerance**2)).sum(axis=1)))
+    best = int(np.argmax((1 / (1 + squared / tolerance**2)).sum(axis=1)))
     return complex(turn[best]), complex(shift[best])
 
 

@@ -1,18 +1,17 @@
-"""Keypoint generators: the five that the paper compares (Table 2), and one that samples by area."""
+"""The keypoint generators that the paper compares (Table 2)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import check_choice
 from ssiam.geometry import Image
 
-KeypointName: TypeAlias = Literal["grid", "orb", "gftt", "harris", "brisk", "mser"]
+GeneratorName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
 Keypoints: TypeAlias = NDArray[np.float32]
 KeypointGenerator: TypeAlias = Callable[[Image, Image | None], Keypoints]
 
@@ -25,20 +24,15 @@ _GFTT_QUALITY = 0.01  # share of the strongest corner's response
 _GFTT_DISTANCE = 10.0  # px between points
 _BRISK_THRESHOLD = 40  # grey levels
 _CELLS_XY = (16, 12)  # at most one point in each cell of the frame
-_RIM = 4  # px at the border of the frame without points
-_FLAT = 1e-6  # smaller eigenvalue of what has no texture at all
 
 
-def keypoint_generator(name: KeypointName) -> KeypointGenerator:
-    """Generator of keypoints by its name in Table 2 of the paper, or "grid".
+def keypoint_generator(name: GeneratorName) -> KeypointGenerator:
+    """Generator of keypoints by its name in Table 2 of the paper.
 
     Called with a grey frame (H, W) uint8 and a mask (H, W) uint8 or None (points only where it
     is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first.
     """
-    check_choice("keypoints", name, get_args(KeypointName))
     match name:
-        case "grid":
-            return _grid
         case "orb":
             return _detector(_orb())
         case "brisk":
@@ -64,26 +58,6 @@ def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
     strongest[(row * columns + column)[::-1]] = order
     spread_out: Keypoints = points[strongest[strongest >= 0]]
     return spread_out
-
-
-def _grid(gray: Image, mask: Image | None) -> Keypoints:
-    """The best corner of each cell: every part of the picture has the same say."""
-    strength = cv2.cornerMinEigenVal(gray, 3)
-    strength[:_RIM] = strength[-_RIM:] = strength[:, :_RIM] = strength[:, -_RIM:] = 0
-    if mask is not None:
-        strength[mask == 0] = 0
-    columns, rows = _CELLS_XY
-    height, width = gray.shape[0] // rows, gray.shape[1] // columns
-    if height == 0 or width == 0:
-        return np.empty((0, 2), dtype=np.float32)
-    whole = strength[: height * rows, : width * columns]
-    cells = whole.reshape(rows, height, columns, width).swapaxes(1, 2).reshape(-1, height * width)
-    best = cells.argmax(axis=1)
-    row, column = np.divmod(np.arange(columns * rows), columns)
-    y, x = np.divmod(best, width)
-    points = np.stack([column * width + x, row * height + y], axis=1).astype(np.float32)
-    textured: Keypoints = points[cells[np.arange(len(cells)), best] > _FLAT]
-    return textured
 
 
 def _orb() -> Any:

@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ssiam.errors import ArgumentError
 from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid_parameters
+
+_MAX_SHIFT: Final = 0.30  # of the longer side between two frames; beyond it is a cut
+_MAX_ANGLE: Final = 0.35  # rad between two frames
+_SINGULAR: Final = 1e-9  # determinant of a transform without inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,7 +26,8 @@ class Motion:
     cur_from_prev : (3, 3) float64
         Takes background points of the previous frame to this frame; raw-frame pixels.
     inliers : float
-        Share 0..1 of the followed points that agree with it.
+        Share 0..1 of the followed points that agree with it, or of the background's texture
+        that it explains.
     reliable : bool
         False where the motion could not be told (black frame, blur, scene cut);
         `cur_from_prev` is then the identity.
@@ -34,7 +45,81 @@ class Motion:
         """The motion that moves nothing: first frames, and frames that tell nothing."""
         return cls(IDENTITY, 1.0 if reliable else 0.0, reliable, size_wh)
 
+    @classmethod
+    def given(cls, cur_from_prev: ArrayLike, size_wh: tuple[int, int]) -> Motion:
+        """A motion that something other than the picture tells, such as a flight controller.
+
+        Parameters
+        ----------
+        cur_from_prev : (3, 3) or (2, 3) array
+            Takes background points of the previous frame to this frame; raw-frame pixels.
+        size_wh : (int, int)
+            Width and height of the frames, pixels.
+
+        Raises
+        ------
+        ValueError
+            It is not of that shape, not finite, or cannot be inverted.
+        """
+        matrix = np.asarray(cur_from_prev, dtype=np.float64)
+        if matrix.shape == (2, 3):
+            matrix = np.vstack([matrix, IDENTITY[2]])
+        good = matrix.shape == (3, 3) and np.isfinite(matrix).all()
+        if not good or abs(np.linalg.det(matrix)) < _SINGULAR:
+            raise ArgumentError(
+                f"motion is {np.array2string(matrix, precision=3)}: give a (3, 3) or (2, 3) "
+                "transform of pixels that can be inverted"
+            )
+        return cls(matrix / matrix[2, 2] if matrix[2, 2] else matrix, 1.0, True, size_wh)
+
+    @classmethod
+    def from_rotation(
+        cls,
+        cur_from_prev_rotation: ArrayLike,
+        focal_length: float,
+        size_wh: tuple[int, int],
+        principal_xy: tuple[float, float] | None = None,
+    ) -> Motion:
+        """What a turn of the camera, told by a gyro or a gimbal, does to the picture.
+
+        A turn moves every point of the scene by the homography ``K R K^-1``, however far away
+        it is (Hartley and Zisserman, 2004, section 8.4).
+
+        Parameters
+        ----------
+        cur_from_prev_rotation : (3, 3) matrix or (3,) rotation vector, radians
+            Takes directions from the previous camera's axes (x right, y down, z forward) to
+            this one's. The vector is the gyro's rate times the time, with its sign turned: a
+            camera that turns to the right sees the scene turn to the left.
+        focal_length : float
+            Pixels.
+        size_wh : (int, int)
+            Width and height of the frames, pixels.
+        principal_xy : (float, float), optional
+            Where the optical axis meets the picture, pixels; its centre unless given.
+        """
+        rotation = np.asarray(cur_from_prev_rotation, dtype=np.float64)
+        if rotation.shape == (3,) and np.isfinite(rotation).all():
+            rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
+        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, IDENTITY, atol=1e-3):
+            raise ArgumentError(
+                f"rotation is {np.array2string(rotation, precision=3)}: give a (3, 3) rotation "
+                "matrix or a rotation vector of three radians"
+            )
+        if not focal_length > 0:
+            raise ArgumentError(f"focal_length is {focal_length}: give pixels, more than 0")
+        x, y = frame_centre(size_wh) if principal_xy is None else principal_xy
+        camera = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
+        return cls.given(camera @ rotation @ np.linalg.inv(camera), size_wh)
+
     @property
     def shift_angle(self) -> tuple[float, float, float]:
         """(dx, dy, da) of eq. 4, taken at the image centre: pixels, pixels, radians."""
         return rigid_parameters(self.cur_from_prev, frame_centre(self.size_wh))
+
+
+def plausible(motion: Motion) -> bool:
+    """Whether a camera may have moved so far between two frames."""
+    dx, dy, angle = motion.shift_angle
+    near = np.hypot(dx, dy) <= _MAX_SHIFT * max(motion.size_wh)
+    return bool(near and abs(angle) <= _MAX_ANGLE)

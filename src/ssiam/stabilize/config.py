@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.motion import FitName, KeypointName
+from ssiam.motion import KEYPOINTS, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal"]
 
@@ -20,8 +20,9 @@ class StabilizerConfig:
     stabilize : {"off", "paper", "literal"}
         "off" leaves every frame alone; "paper" moves it onto the smoothed camera path;
         "literal" is eq. 5 as printed, which puts one frame's shake back in (for ablation).
-    keypoints : {"grid", "orb", "gftt", "harris", "brisk", "mser"}
-        Keypoint generator of the camera motion (Table 2; "grid" is faster and surer).
+    keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}
+        Keypoint generator of the camera motion (Table 2); "direct" needs none, and is faster
+        and surer.
     fit : {"robust", "least_squares"}
         Rigid fit of the camera motion; least squares is the printed form (eq. 3).
     window : int
@@ -57,6 +58,8 @@ class StabilizerConfig:
 
     def __post_init__(self) -> None:
         check_choice("stabilize", self.stabilize, get_args(Method))
+        check_choice("keypoints", self.keypoints, KEYPOINTS)
+        check_choice("fit", self.fit, get_args(FitName))
         if self.window < 1:
             raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
         for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):

@@ -39,7 +39,7 @@ class SteadiedTracker:
         """A fresh motion estimator of this tracker's settings, None with stabilize="off"."""
         if self._config.stabilize == "off":
             return None
-        return CameraMotion(self._config.keypoints, self._config.fit)
+        return CameraMotion(self._config.keypoints, self._config.fit, model="rigid")
 
     def another(self) -> SteadiedTracker:
         """A tracker of the same kind and settings, without a target, on the same networks."""

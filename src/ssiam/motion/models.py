@@ -1,0 +1,64 @@
+"""The families of transforms a camera's motion is sought in, each spanned by a few generators.
+
+A generator is a small change of a transform: ``I + step * generator`` shifts, turns, zooms, … by
+`step`. Both ways to estimate a motion, from keypoints and directly from the pixels, improve a
+transform by steps along the generators. Coordinates here are *units*: the middle of the picture
+is (0, 0), half of its longer side is 1, so that one step means about the same for each generator.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import Transform
+
+ModelName: TypeAlias = Literal["rigid", "similarity", "affine", "homography"]
+
+FREEDOM: Final[dict[ModelName, int]] = {"rigid": 3, "similarity": 4, "affine": 6, "homography": 8}
+
+_GENERATORS: Final = np.zeros((8, 3, 3))  # a model uses the first ones
+_GENERATORS[0, 0, 2] = 1  # shift along x
+_GENERATORS[1, 1, 2] = 1  # shift along y
+_GENERATORS[2, 1, 0], _GENERATORS[2, 0, 1] = 1, -1  # turn
+_GENERATORS[3, 0, 0], _GENERATORS[3, 1, 1] = 1, 1  # zoom
+_GENERATORS[4, 0, 0], _GENERATORS[4, 1, 1] = 1, -1  # stretch
+_GENERATORS[5, 0, 1], _GENERATORS[5, 1, 0] = 1, 1  # shear
+_GENERATORS[6, 2, 0] = -1  # tilt about the vertical
+_GENERATORS[7, 2, 1] = -1  # tilt about the horizontal
+_FLAT: Final = _GENERATORS.reshape(8, 9)
+
+
+def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]:
+    """How points (2, N) move, (freedom, 2, N) units for a step of 1 along each generator."""
+    x, y = xy
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    vx = (one, zero, -y, x, x, y, x * x, x * y)
+    vy = (zero, one, x, y, -y, x, x * y, y * y)
+    freedom = FREEDOM[model]
+    return np.stack([np.stack(pair) for pair in zip(vx[:freedom], vy[:freedom], strict=True)])
+
+
+def change(steps: NDArray[np.float64]) -> Transform:
+    """The transform of small steps along the first generators, to first order."""
+    moved = (steps @ _FLAT[: len(steps)]).reshape(3, 3)
+    moved.flat[::4] += 1
+    return np.asarray(moved, dtype=np.float64)
+
+
+def within(to_from_from: Transform, model: ModelName) -> Transform:
+    """The member of a model next to a transform that small steps have carried off it."""
+    if model == "rigid":
+        (a, b), (c, d) = to_from_from[:2, :2]
+        to_from_from[:2, :2] /= np.sqrt(abs(a * d - b * c))
+    elif model == "homography":
+        to_from_from /= to_from_from[2, 2]
+    return to_from_from
+
+
+def map_units(to_from_from: Transform, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (2, N) taken through a transform."""
+    mapped = to_from_from[:, :2] @ xy + to_from_from[:, 2:]
+    return np.asarray(mapped[:2] / mapped[2], dtype=np.float64)

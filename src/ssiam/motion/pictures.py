@@ -1,0 +1,69 @@
+"""What is kept of a frame: three small grey pictures of it, and how their pixels lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+
+from ssiam.geometry import Image, Transform
+
+_LONGER_SIDE: Final = 320  # px of the finest picture: exact enough, and blind to small waves
+_HUGE: Final = 4  # times that size, from which on colour is reduced after the size
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A frame in grey, 320, 80 and 40 pixels long; (H, W) uint8 each."""
+
+    fine: Image
+    coarse: Image
+    tiny: Image
+
+
+class Scales:
+    """Makes the pictures of frames of one size.
+
+    Attributes
+    ----------
+    frame_from_unit, fine_from_unit, coarse_from_unit, tiny_from_unit : (3, 3) float64
+        Pixels of the frame and of each picture, from units (see `models`).
+    """
+
+    def __init__(self, size_wh: tuple[int, int]) -> None:
+        width, height = size_wh
+        longer = max(size_wh)
+        scale = _LONGER_SIDE / longer
+        self._shrunk_wh = max(round(width * scale), 1), max(round(height * scale), 1)
+        self._huge = longer >= _HUGE * _LONGER_SIDE
+        half = longer / 2
+        self.frame_from_unit: Transform = np.array(
+            [[half, 0, (width - 1) / 2], [0, half, (height - 1) / 2], [0, 0, 1]]
+        )
+        x_scale, y_scale = np.divide(self._shrunk_wh, size_wh)
+        fine_from_frame = np.array(
+            [[x_scale, 0, (x_scale - 1) / 2], [0, y_scale, (y_scale - 1) / 2], [0, 0, 1]]
+        )
+        self.fine_from_unit = fine_from_frame @ self.frame_from_unit
+        self.unit_from_frame: Transform = np.linalg.inv(self.frame_from_unit).astype(np.float64)
+        self.coarse_from_unit = np.diag([1 / 4, 1 / 4, 1]) @ self.fine_from_unit
+        self.tiny_from_unit = np.diag([1 / 8, 1 / 8, 1]) @ self.fine_from_unit
+
+    @property
+    def picture_sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """(width, height) of the coarse and of the fine picture, pixels."""
+        width, height = self._shrunk_wh
+        return ((width + 3) // 4, (height + 3) // 4), (width, height)
+
+    def picture(self, frame: Image) -> Picture:
+        """The three pictures of a frame (H, W, 3) uint8 BGR."""
+        if self._huge:
+            gray = cv2.cvtColor(cv2.resize(frame, self._shrunk_wh), cv2.COLOR_BGR2GRAY)
+        else:
+            gray = cv2.resize(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), self._shrunk_wh)
+        fine = cv2.GaussianBlur(gray, (3, 3), 0)
+        coarse = cv2.pyrDown(cv2.pyrDown(fine))
+        tiny = cv2.pyrDown(coarse)
+        return Picture(*(np.asarray(p, dtype=np.uint8) for p in (fine, coarse, tiny)))

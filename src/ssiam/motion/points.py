@@ -1,0 +1,79 @@
+"""The camera's motion from keypoints, as the paper has it: detect, follow, fit (eq. 1-4)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import Image
+from ssiam.motion.fit import FitName, fit_motion
+from ssiam.motion.flow import follow
+from ssiam.motion.keypoints import KeypointGenerator, spread
+from ssiam.motion.models import ModelName
+from ssiam.motion.motion import Motion, plausible
+
+_GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
+_MIN_POINTS: Final = 12  # agreeing pairs below which a fit proves nothing
+_MIN_SHARE: Final = 0.20  # of the pairs that must agree
+_TOLERANCE: Final = 1.5 / 640  # of the longer side, for agreeing pairs
+_LEAST_TOLERANCE: Final = 1.0  # px
+
+
+class PointMotion:
+    """Camera motion of frames of one size, from keypoints of the previous frame."""
+
+    def __init__(
+        self,
+        size_wh: tuple[int, int],
+        generate: KeypointGenerator,
+        fit: FitName,
+        model: ModelName,
+    ) -> None:
+        self._size_wh = size_wh
+        self._generate = generate
+        self._fit: FitName = fit
+        self._model: ModelName = model
+        self._tolerance = max(_TOLERANCE * max(size_wh), _LEAST_TOLERANCE)
+        self._prev_gray: Image | None = None
+
+    def see(self, frame: Image) -> None:
+        """Take a frame (H, W, 3) uint8 as the previous one."""
+        self._prev_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+    def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
+        """From the previous frame to this one; no point is taken from `boxes` (N, 4) xywh."""
+        prev_gray = self._prev_gray
+        self.see(frame)
+        cur_gray = self._prev_gray
+        if prev_gray is None or cur_gray is None:
+            return Motion.none(self._size_wh, reliable=True)
+        points = spread(self._generate(prev_gray, self._background(boxes)), self._size_wh)
+        prev_xy, cur_xy = follow(prev_gray, cur_gray, points)
+        if len(prev_xy) < _MIN_POINTS:
+            return Motion.none(self._size_wh)
+        cur_from_prev, inliers = fit_motion(
+            prev_xy.astype(np.float64),
+            cur_xy.astype(np.float64),
+            self._fit,
+            self._tolerance,
+            model=self._model,
+        )
+        motion = Motion(cur_from_prev, inliers, True, self._size_wh)
+        agreed = inliers >= _MIN_SHARE and inliers * len(prev_xy) >= _MIN_POINTS
+        sure = agreed or self._fit == "least_squares"
+        return motion if sure and plausible(motion) else Motion.none(self._size_wh)
+
+    def _background(self, boxes: NDArray[np.float64]) -> Image | None:
+        """Mask (H, W) uint8 that is 0 on the boxes, grown a little; None without boxes."""
+        if len(boxes) == 0:
+            return None
+        width, height = self._size_wh
+        mask = np.full((height, width), 255, dtype=np.uint8)
+        for x, y, w, h in boxes.tolist():
+            left, top = max(round(x - _GROW * w), 0), max(round(y - _GROW * h), 0)
+            right, bottom = round(x + (1 + _GROW) * w), round(y + (1 + _GROW) * h)
+            mask[top : max(bottom, 0), left : max(right, 0)] = 0
+        return mask
