@@ -48,11 +48,14 @@ def rigid_parameters(
     """(dx, dy, angle) of a transform at `centre_xy`: the inverse of `rigid`, eq. 4 of the paper.
 
     The shift is that of the centre itself. At the image origin a roll of half a degree would
-    show up as several pixels of shift in the middle of the picture.
+    show up as several pixels of shift in the middle of the picture. Of transforms with more
+    freedom, the angle is that of the nearest turn and zoom at the centre.
     """
-    x, y, weight = to_from_from @ (centre_xy[0], centre_xy[1], 1.0)
-    angle = np.arctan2(to_from_from[1, 0], to_from_from[0, 0])
-    return float(x / weight - centre_xy[0]), float(y / weight - centre_xy[1]), float(angle)
+    *scaled, weight = to_from_from @ (centre_xy[0], centre_xy[1], 1.0)
+    x, y = np.divide(scaled, weight)
+    (a, b), (c, d) = to_from_from[:2, :2] - np.outer((x, y), to_from_from[2, :2])
+    angle = np.arctan2((c - b) * weight, (a + d) * weight)
+    return float(x - centre_xy[0]), float(y - centre_xy[1]), float(angle)
 
 
 def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:

@@ -67,8 +67,8 @@ class Motion:
         good = matrix.shape == (3, 3) and np.isfinite(matrix).all()
         if not good or abs(np.linalg.det(matrix)) < _SINGULAR:
             raise ArgumentError(
-                f"motion is {np.array2string(matrix, precision=3)}: give a (3, 3) or (2, 3) "
-                "transform of pixels that can be inverted"
+                f"motion is {matrix.tolist()}: give a (3, 3) or (2, 3) transform of pixels that "
+                "can be inverted"
             )
         return cls(matrix / matrix[2, 2] if matrix[2, 2] else matrix, 1.0, True, size_wh)
 
@@ -103,8 +103,8 @@ class Motion:
             rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
         if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, IDENTITY, atol=1e-3):
             raise ArgumentError(
-                f"rotation is {np.array2string(rotation, precision=3)}: give a (3, 3) rotation "
-                "matrix or a rotation vector of three radians"
+                f"rotation is {rotation.tolist()}: give a (3, 3) rotation matrix or a rotation "
+                "vector of three radians"
             )
         if not focal_length > 0:
             raise ArgumentError(f"focal_length is {focal_length}: give pixels, more than 0")

@@ -12,7 +12,7 @@ from ssiam.motion.cells import Floats
 
 _BLOCKS: Final = 4  # along each side
 _REACH: Final = 0.25  # of the longer side
-_LEAST: Final = 0.5  # share of a block that must be background
+_LEAST: Final = 0.5  # of the background that the freest block has
 
 
 def voted_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, float]:
@@ -25,10 +25,12 @@ def voted_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, flo
     height, width = prev.shape
     reach = round(_REACH * max(height, width))
     around = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
-    may_vote = cv2.resize(background, (_BLOCKS, _BLOCKS), interpolation=cv2.INTER_AREA) >= _LEAST
+    free = cv2.resize(background, (_BLOCKS, _BLOCKS), interpolation=cv2.INTER_AREA)
+    if not free.any():
+        return 0.0, 0.0
     block_h, block_w = height // _BLOCKS, width // _BLOCKS
     votes = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
-    for row, column in np.argwhere(may_vote).tolist():
+    for row, column in np.argwhere(free >= _LEAST * free.max()).tolist():
         top, left = row * block_h, column * block_w
         block = prev[top : top + block_h, left : left + block_w]
         place = around[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]
