@@ -32,7 +32,7 @@ from motion_clips import UNSHAKEN, Clip, drawn_clips, real_clips
 from motion_peers import PEERS, EstimatorFailed, Run, Worker
 from motion_report import Score, draw, tables
 
-OURS = ("ssiam-direct", "ssiam-direct-similarity", "ssiam-orb", "ssiam-gftt")
+OURS = ("ssiam-direct", "ssiam-direct-rigid", "ssiam-orb", "ssiam-gftt")
 BASELINE = "vidstab-gftt"
 SCENES = ("synthetic", "real")
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "motion-pareto.png"
@@ -110,7 +110,7 @@ def parsed() -> argparse.Namespace:
         type=comma_separated,
         default=[*OURS, *PEERS],
         metavar="A,B,...",
-        help="ssiam-KEYPOINTS[-similarity][-least_squares] or a peer. Default: "
+        help="ssiam-KEYPOINTS[-MODEL][-least_squares] or a peer. Default: "
         + ", ".join([*OURS, *PEERS]),
     )
     what.add_argument("--no-peers", action="store_true", help="leave the peers out")
@@ -144,7 +144,7 @@ def parsed() -> argparse.Namespace:
         type=comma_separated,
         default=["ssiam-direct"],
         metavar="A,B,...",
-        help="estimators with a table of every real sequence. Default: ssiam-grid",
+        help="estimators with a table of every real sequence. Default: ssiam-direct",
     )
     where.add_argument(
         "--plot",

@@ -36,8 +36,8 @@ def ssiam_camera(keypoints: str, *words: str) -> Estimate:
     """`CameraMotion` with these keypoints; `words` may name its model and its fit."""
     import ssiam
 
-    parameters = {"similarity": "model", "least_squares": "fit"}
-    camera = ssiam.CameraMotion(keypoints, **{parameters[word]: word for word in words})
+    options = {"fit" if word == "least_squares" else "model": word for word in words}
+    camera = ssiam.CameraMotion(keypoints, **options)
 
     def estimate(frame: np.ndarray, box: Box) -> Told:
         motion = camera.update(frame, exclude=box)
@@ -125,7 +125,7 @@ FAMILIES: dict[str, Callable[..., Estimate]] = {
 
 
 def load_estimator(name: str) -> Estimate:
-    """The estimator of a name such as "ssiam-direct-similarity" or "vidgear"."""
+    """The estimator of a name such as "ssiam-direct-rigid" or "vidgear"."""
     family, *words = name.split("-")
     return FAMILIES[family](*words)
 

@@ -8,6 +8,7 @@ Boxes carry their layout in their name: ``xywh`` (left, top, width, height), ``c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -51,11 +52,12 @@ def rigid_parameters(
     show up as several pixels of shift in the middle of the picture. Of transforms with more
     freedom, the angle is that of the nearest turn and zoom at the centre.
     """
-    *scaled, weight = to_from_from @ (centre_xy[0], centre_xy[1], 1.0)
-    x, y = np.divide(scaled, weight)
-    (a, b), (c, d) = to_from_from[:2, :2] - np.outer((x, y), to_from_from[2, :2])
-    angle = np.arctan2((c - b) * weight, (a + d) * weight)
-    return float(x - centre_xy[0]), float(y - centre_xy[1]), float(angle)
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    x, y = centre_xy
+    weight = g * x + h * y + i
+    new_x, new_y = (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
+    turn, zoom = d - b - g * new_y + h * new_x, a + e - g * new_x - h * new_y
+    return new_x - x, new_y - y, math.atan2(turn * weight, zoom * weight)
 
 
 def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:

@@ -110,11 +110,9 @@ def _agreement(error: Floats, texture: Floats, noise: float, tolerance: float) -
 
 def _steps(template: Template, residual: Floats, weight: Floats) -> NDArray[np.float64]:
     """Steps (freedom,) along the generators that best explain the residual (25, cells)."""
-    grid = template.grid
-    slope_x, slope_y = over_cells(template.gx, residual), over_cells(template.gy, residual)
-    gradient = (grid.flow[:, 0] * slope_x + grid.flow[:, 1] * slope_y) @ weight
+    slopes = over_cells(template.gx, residual), over_cells(template.gy, residual)
+    gradient = template.grid.flow @ np.concatenate([slope * weight for slope in slopes])
     freedom = len(gradient)
-    hessian = np.empty((freedom, freedom))
-    hessian[grid.upper] = hessian.T[grid.upper] = template.hessians @ weight
+    hessian = (template.hessians @ weight).reshape(freedom, freedom).astype(np.float64)
     hessian.flat[:: freedom + 1] += _DAMPING * hessian[0, 0] + _TINY
     return np.asarray(np.linalg.solve(hessian, gradient), dtype=np.float64)

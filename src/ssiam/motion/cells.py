@@ -6,6 +6,7 @@ A cell is 5 × 5 samples, a small Lucas-Kanade patch (eq. 1 and 2). Samples are 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
 import cv2
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
-from ssiam.motion.models import FREEDOM, ModelName, velocities
+from ssiam.motion.models import ModelName, velocities
 
 Floats: TypeAlias = NDArray[np.floating[Any]]  # float32
 
@@ -33,8 +34,9 @@ class Grid:
     centres : (2, cells) float64
         Middle of each cell, units.
     pixels_per_unit : float
-    flow : (freedom, 2, cells) float32
-        Pixels that the middle of each cell moves for a unit step along each generator.
+    flow : (freedom, 2 * cells) float32
+        Pixels along x, then along y, that the middle of each cell moves for a unit step along
+        each generator.
     """
 
     def __init__(
@@ -49,23 +51,25 @@ class Grid:
         pixel_from_sample[:2, 2] = self._first
         self._pixel_from_unit = pixel_from_unit
         self._unit_from_sample = np.linalg.inv(pixel_from_unit) @ pixel_from_sample
-        self._x, self._y = (
-            scale * (np.arange(count) * _SIDE + _SIDE // 2) + offset
-            for count, scale, offset in zip(
-                (columns, rows),
-                np.diag(self._unit_from_sample),
-                self._unit_from_sample[:2, 2],
-                strict=False,
-            )
-        )
-        self.centres = np.stack(np.meshgrid(self._x, self._y)).reshape(2, -1)
+        scale_xy, first_xy = np.diag(self._unit_from_sample)[:2], self._unit_from_sample[:2, 2]
+        middles = [
+            scale * (np.arange(count) * _SIDE + _SIDE // 2) + first
+            for count, scale, first in zip((columns, rows), scale_xy, first_xy, strict=True)
+        ]
+        self.centres = np.stack(np.meshgrid(*middles)).reshape(2, -1)
+        self._cell_wh = scale_xy * _SIDE
+        self._cell_ends = [m + side / 2 for m, side in zip(middles, self._cell_wh, strict=True)]
         self.pixels_per_unit = float(pixel_from_unit[0, 0])
         flow = velocities(self.centres, model) * np.diag(pixel_from_unit)[:2, None] * _SOBEL
-        self.flow: Floats = flow.astype(np.float32)
-        self.upper = first, second = np.triu_indices(FREEDOM[model])
-        (fx, fy), (sx, sy) = flow[first].swapaxes(0, 1), flow[second].swapaxes(0, 1)
-        products = np.stack([fx * sx, fx * sy + fy * sx, fy * sy])
-        self.flow_products: Floats = products.astype(np.float32)
+        self.flow: Floats = flow.reshape(len(flow), -1).astype(np.float32)
+        fx, fy = flow.swapaxes(0, 1)
+        products = [_outer(fx, fx), _outer(fx, fy) + _outer(fy, fx), _outer(fy, fy)]
+        self._flow_products = [product.astype(np.float32) for product in products]
+
+    def hessians(self, gx: Floats, gy: Floats) -> Floats:
+        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (25, cells)."""
+        xx, xy, yy = self._flow_products
+        return xx * over_cells(gx, gx) + xy * over_cells(gx, gy) + yy * over_cells(gy, gy)
 
     def samples(self, picture: NDArray[Any]) -> Floats:
         """Samples (25, cells) of a picture."""
@@ -84,16 +88,15 @@ class Grid:
             seen = cv2.warpAffine(picture, pixel_from_sample[:2], self._samples_wh, flags=flags)
         return self._by_cell(seen)
 
-    def outside(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> Floats:
-        """Share (cells,) of each cell that is outside of the upright box from `low` to `high`."""
-        covered = []
-        for middle, per_sample, least, most in zip(
-            (self._x, self._y), np.diag(self._unit_from_sample), low, high, strict=False
-        ):
-            half = per_sample * _SIDE / 2
-            overlap = np.minimum(middle + half, most) - np.maximum(middle - half, least)
-            covered.append(np.maximum(overlap, 0) / (2 * half))
-        share: Floats = 1 - np.outer(covered[1], covered[0]).ravel().astype(np.float32)
+    def outside(self, low_xy: Sequence[float], high_xy: Sequence[float]) -> Floats:
+        """Share (cells,) of each cell that is outside of an upright box in units."""
+        covered = [
+            np.maximum(np.minimum(ends, high) - np.maximum(ends - side, low), 0) / side
+            for ends, side, low, high in zip(
+                self._cell_ends, self._cell_wh, low_xy, high_xy, strict=True
+            )
+        ]
+        share: Floats = 1 - np.outer(covered[1], covered[0]).ravel()
         return share
 
     def _by_cell(self, samples: NDArray[Any]) -> Floats:
@@ -111,8 +114,8 @@ class Template:
     ----------
     values, gx, gy : (25, cells) float32
         Grey levels, and grey levels per pixel.
-    hessians : (freedom * (freedom + 1) / 2, cells) float32
-        Upper triangle of each cell's ``J Jᵀ``.
+    hessians : (freedom * freedom, cells) float32
+        Each cell's ``J Jᵀ``.
     texture : (cells,) float32
         Variance of the samples, grey levels squared.
     textured : (cells,) bool
@@ -124,10 +127,7 @@ class Template:
         gx, gy = cv2.spatialGradient(picture)
         self.values = centred(grid.samples(picture))
         self.gx, self.gy = (centred(grid.samples(part)) for part in (gx, gy))
-        xx, xy, yy = grid.flow_products
-        self.hessians = xx * over_cells(self.gx, self.gx)
-        self.hessians += xy * over_cells(self.gx, self.gy)
-        self.hessians += yy * over_cells(self.gy, self.gy)
+        self.hessians = grid.hessians(self.gx, self.gy)
         self.texture = over_cells(self.values, self.values) / SAMPLES
         self.textured = self.texture > _TEXTURED
 
@@ -140,4 +140,10 @@ def centred(samples: Floats) -> Floats:
 
 def over_cells(first: Floats, second: Floats) -> Floats:
     """Sum (cells,) of the products of two sets of samples (25, cells)."""
-    return np.asarray(np.einsum("ij,ij->j", first, second), dtype=np.float32)
+    summed: Floats = np.einsum("ij,ij->j", first, second)
+    return summed
+
+
+def _outer(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Products (freedom * freedom, cells) of all pairs of rows."""
+    return (first[:, None] * second[None]).reshape(-1, first.shape[1])

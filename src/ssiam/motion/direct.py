@@ -36,8 +36,10 @@ _SURE: Final = 0.5  # share of the coarse cells that must agree, or another star
 _DISAGREES: Final = 0.3  # agreement below which a cell may belong to something else
 _ENOUGH_LEFT: Final = 0.15  # share of the cells that must be left for another start
 _RELIABLE: Final = 0.25  # share of the texture that must be explained (benchmarks/motion.py)
-_TELLING: Final = 10  # textured cells that must agree
-_SPREAD: Final = 0.1  # units over which they must be spread
+_AGREES: Final = 0.5  # share of a cell's texture that is explained when it agrees
+_TELLING: Final = 8  # cells that must agree
+_SPREAD: Final = 0.3  # units over which they must be spread
+_TINY: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,19 +65,21 @@ class DirectMotion:
 
     def see(self, frame: Image) -> None:
         """Take a frame (H, W, 3) uint8 as the previous one."""
+        if self._coarse.cells == 0:
+            return
         picture = self._scales.picture(frame)
         coarse, fine = Template(picture.coarse, self._coarse), Template(picture.fine, self._fine)
         self._prev = _Seen(picture, coarse, fine)
 
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
         """From the previous frame to this one; `boxes` (N, 4) xywh are left out."""
+        if self._coarse.cells == 0:
+            return Motion.none(self._size_wh)
         prev = self._prev
         self.see(frame)
         cur = self._prev
         if prev is None or cur is None:
             return Motion.none(self._size_wh, reliable=True)
-        if self._coarse.cells == 0:
-            return Motion.none(self._size_wh)
         keep = self._background(self._fine, boxes) * self._overlays.background
         blind = len(boxes) == 0
         start = self._begin(prev, cur, boxes, _COARSE_BLIND if blind else _COARSE)
@@ -119,27 +123,27 @@ class DirectMotion:
     def _background(self, grid: Grid, boxes: NDArray[np.float64]) -> Floats:
         """Share (cells,) of each cell outside of the boxes, 0 where it is less than half."""
         keep = np.ones(grid.cells, dtype=np.float32)
-        scale, offset = self._scales.frame_from_unit[0, 0], self._scales.frame_from_unit[:2, 2]
-        for box in boxes:
-            margin_wh = _GROW * box[2:]
-            low = (box[:2] - margin_wh - offset) / scale
-            high = (box[:2] + box[2:] + margin_wh - offset) / scale
-            keep *= grid.outside(low, high)
-        keep[keep < _LEAST] = 0
+        (scale, _, left), (_, _, top) = self._scales.frame_from_unit[:2].tolist()
+        for x, y, w, h in boxes.tolist():
+            low_xy = (x - _GROW * w - left) / scale, (y - _GROW * h - top) / scale
+            high_xy = (x + (1 + _GROW) * w - left) / scale, (y + (1 + _GROW) * h - top) / scale
+            keep *= grid.outside(low_xy, high_xy)
+        if len(boxes):
+            keep[keep < _LEAST] = 0
         return keep
 
     def _judged(self, template: Template, aligned: Aligned, keep: Floats) -> Motion:
         """The motion in pixels of the frame, if there is good evidence for it."""
         telling = keep * template.textured
-        explained = telling * np.maximum(1 - aligned.error / (template.texture + 1e-3), 0)
-        count = max(float(explained.sum()), 1e-3)
-        middle = self._fine.centres @ explained / count
-        spread = np.sqrt(
-            np.square(self._fine.centres - middle[:, None]).sum(axis=0) @ explained / count
-        )
-        share = count / max(float(telling.sum()), 1e-3)
-        frame_from_unit = self._scales.frame_from_unit
-        cur_from_prev = frame_from_unit @ aligned.cur_from_prev @ self._scales.unit_from_frame
+        explained = telling * np.maximum(1 - aligned.error / (template.texture + _TINY), 0)
+        share = float(explained.sum()) / max(float(telling.sum()), _TINY)
+        agreeing = self._fine.centres[:, explained > _AGREES]
+        scales = self._scales
+        cur_from_prev = scales.frame_from_unit @ aligned.cur_from_prev @ scales.unit_from_frame
         motion = Motion(cur_from_prev, share, True, self._size_wh)
-        sure = share >= _RELIABLE and count >= _TELLING and spread >= _SPREAD
+        sure = (
+            share >= _RELIABLE
+            and agreeing.shape[1] >= _TELLING
+            and np.ptp(agreeing, axis=1).max() >= _SPREAD
+        )
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)

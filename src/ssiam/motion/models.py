@@ -8,12 +8,13 @@ is (0, 0), half of its longer side is 1, so that one step means about the same f
 
 from __future__ import annotations
 
+import math
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import Transform
+from ssiam.geometry import IDENTITY, Transform
 
 ModelName: TypeAlias = Literal["rigid", "similarity", "affine", "homography"]
 
@@ -43,16 +44,15 @@ def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]
 
 def change(steps: NDArray[np.float64]) -> Transform:
     """The transform of small steps along the first generators, to first order."""
-    moved = (steps @ _FLAT[: len(steps)]).reshape(3, 3)
-    moved.flat[::4] += 1
-    return np.asarray(moved, dtype=np.float64)
+    changed: Transform = IDENTITY + (steps @ _FLAT[: len(steps)]).reshape(3, 3)
+    return changed
 
 
 def within(to_from_from: Transform, model: ModelName) -> Transform:
     """The member of a model next to a transform that small steps have carried off it."""
     if model == "rigid":
-        (a, b), (c, d) = to_from_from[:2, :2]
-        to_from_from[:2, :2] /= np.sqrt(abs(a * d - b * c))
+        a, b, c, d = to_from_from[:2, :2].ravel().tolist()
+        to_from_from[:2, :2] /= math.sqrt(abs(a * d - b * c))
     elif model == "homography":
         to_from_from /= to_from_from[2, 2]
     return to_from_from

@@ -10,7 +10,8 @@ import numpy as np
 from ssiam.geometry import Image
 from ssiam.motion.cells import Floats
 
-_BLOCKS: Final = 4  # along each side
+_ALONG: Final = 4  # blocks along the longer side
+_ACROSS: Final = 3  # and along the shorter
 _REACH: Final = 0.25  # of the longer side
 _LEAST: Final = 0.5  # of the background that the freest block has
 
@@ -25,16 +26,17 @@ def voted_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, flo
     height, width = prev.shape
     reach = round(_REACH * max(height, width))
     around = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
-    free = cv2.resize(background, (_BLOCKS, _BLOCKS), interpolation=cv2.INTER_AREA)
+    columns, rows = (_ALONG, _ACROSS) if width >= height else (_ACROSS, _ALONG)
+    free = cv2.resize(background, (columns, rows), interpolation=cv2.INTER_AREA)
     if not free.any():
         return 0.0, 0.0
-    block_h, block_w = height // _BLOCKS, width // _BLOCKS
+    block_h, block_w = height // rows, width // columns
     votes = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
     for row, column in np.argwhere(free >= _LEAST * free.max()).tolist():
         top, left = row * block_h, column * block_w
         block = prev[top : top + block_h, left : left + block_w]
         place = around[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]
         likeness = cv2.matchTemplate(place, block, cv2.TM_CCOEFF_NORMED)
-        votes += np.square(np.maximum(likeness, 0))
+        cv2.accumulateSquare(np.maximum(likeness, 0), votes)
     _, _, _, (x, y) = cv2.minMaxLoc(cv2.GaussianBlur(votes, (3, 3), 0))
     return float(x - reach), float(y - reach)
