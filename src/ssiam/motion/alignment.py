@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
-from ssiam.motion.cells import SAMPLES, Floats, Template, centred, over_cells
+from ssiam.motion.cells import Floats, Template, variance
 from ssiam.motion.models import change, within
 
 _DAMPING = 1e-6  # of the first diagonal element, and
@@ -89,20 +89,20 @@ def align(
     tolerance = rules.tolerance
     cur_from_prev = start
     for _ in range(rules.rounds):
-        residual = centred(grid.warped(picture, cur_from_prev) - template.values)
-        error = over_cells(residual, residual) / SAMPLES
-        weight = say * _agreement(error, texture, rules.noise, tolerance)
+        residual = grid.warped(picture, cur_from_prev) - template.values
+        error = variance(residual)
+        weight = say * agreement_of(error, texture, rules.noise, tolerance)
         steps = _steps(template, residual, weight)
         cur_from_prev = within(cur_from_prev @ change(-steps), grid.model)
         if np.abs(steps).sum() < rules.enough:
             break
         tolerance = max(tolerance * rules.tightening, _TIGHTEST)
-    agreement = _agreement(error, texture, rules.noise, rules.tolerance)
+    agreement = agreement_of(error, texture, rules.noise, rules.tolerance)
     return Aligned(cur_from_prev, error, agreement)
 
 
-def _agreement(error: Floats, texture: Floats, noise: float, tolerance: float) -> Floats:
-    """Geman-McClure weight (cells,) of each cell's error."""
+def agreement_of(error: Floats, texture: Floats, noise: float, tolerance: float) -> Floats:
+    """How far cells agree, (cells,) 0..1: the Geman-McClure weight of their error."""
     scale = noise**2 + tolerance * texture
     agreement: Floats = np.square(scale / (scale + error))
     return agreement
@@ -110,8 +110,8 @@ def _agreement(error: Floats, texture: Floats, noise: float, tolerance: float) -
 
 def _steps(template: Template, residual: Floats, weight: Floats) -> NDArray[np.float64]:
     """Steps (freedom,) along the generators that best explain the residual (25, cells)."""
-    slopes = over_cells(template.gx, residual), over_cells(template.gy, residual)
-    gradient = template.grid.flow @ np.concatenate([slope * weight for slope in slopes])
+    slopes = np.einsum("kij,ij->kj", template.gradients, residual) * weight
+    gradient = template.grid.flow @ slopes.ravel()
     freedom = len(gradient)
     hessian = (template.hessians @ weight).reshape(freedom, freedom).astype(np.float64)
     hessian.flat[:: freedom + 1] += _DAMPING * hessian[0, 0] + _TINY

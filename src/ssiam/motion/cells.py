@@ -66,8 +66,9 @@ class Grid:
         products = [_outer(fx, fx), _outer(fx, fy) + _outer(fy, fx), _outer(fy, fy)]
         self._flow_products = [product.astype(np.float32) for product in products]
 
-    def hessians(self, gx: Floats, gy: Floats) -> Floats:
-        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (25, cells)."""
+    def hessians(self, gradients: Floats) -> Floats:
+        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (2, 25, cells)."""
+        gx, gy = gradients
         xx, xy, yy = self._flow_products
         return xx * over_cells(gx, gx) + xy * over_cells(gx, gy) + yy * over_cells(gy, gy)
 
@@ -108,12 +109,15 @@ class Grid:
 class Template:
     """A picture's samples and their gradients, cell by cell.
 
-    All are taken relative to the cell's mean, so that changes of light do not count.
+    Gradients are taken relative to their cell's mean, and so are errors: a change of light, which
+    shifts all of a cell's grey levels, does not count.
 
     Attributes
     ----------
-    values, gx, gy : (25, cells) float32
-        Grey levels, and grey levels per pixel.
+    values : (25, cells) float32
+        Grey levels.
+    gradients : (2, 25, cells) float32
+        Along x and y, eight times the grey levels per pixel.
     hessians : (freedom * freedom, cells) float32
         Each cell's ``J Jᵀ``.
     texture : (cells,) float32
@@ -124,18 +128,20 @@ class Template:
 
     def __init__(self, picture: Image, grid: Grid) -> None:
         self.grid = grid
-        gx, gy = cv2.spatialGradient(picture)
-        self.values = centred(grid.samples(picture))
-        self.gx, self.gy = (centred(grid.samples(part)) for part in (gx, gy))
-        self.hessians = grid.hessians(self.gx, self.gy)
-        self.texture = over_cells(self.values, self.values) / SAMPLES
+        self.values = grid.samples(picture)
+        gradients = np.stack([grid.samples(part) for part in cv2.spatialGradient(picture)])
+        gradients -= np.add.reduce(gradients, axis=1, keepdims=True) * (1 / SAMPLES)
+        self.gradients: Floats = gradients
+        self.hessians = grid.hessians(gradients)
+        self.texture = variance(self.values)
         self.textured = self.texture > _TEXTURED
 
 
-def centred(samples: Floats) -> Floats:
-    """Samples (25, cells) less the mean of their cell."""
-    samples -= np.add.reduce(samples) * np.float32(1 / SAMPLES)
-    return samples
+def variance(samples: Floats) -> Floats:
+    """Mean square (cells,) of samples (25, cells), each cell's mean taken off."""
+    mean = np.add.reduce(samples) * (1 / SAMPLES)
+    spread: Floats = over_cells(samples, samples) * (1 / SAMPLES) - mean * mean
+    return np.maximum(spread, 0, out=spread)
 
 
 def over_cells(first: Floats, second: Floats) -> Floats:
@@ -146,4 +152,5 @@ def over_cells(first: Floats, second: Floats) -> Floats:
 
 def _outer(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """Products (freedom * freedom, cells) of all pairs of rows."""
-    return (first[:, None] * second[None]).reshape(-1, first.shape[1])
+    freedom, cells = first.shape
+    return (first[:, None] * second[None]).reshape(freedom * freedom, cells)

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import IDENTITY, Image, Transform
-from ssiam.motion.alignment import Aligned, Rules, align
-from ssiam.motion.cells import Floats, Grid, Template
+from ssiam.motion.alignment import Aligned, Rules, agreement_of, align
+from ssiam.motion.cells import Floats, Grid, Template, variance
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion, plausible
 from ssiam.motion.overlays import Overlays
 from ssiam.motion.pictures import Picture, Scales
 from ssiam.motion.vote import voted_shift
 
-_COARSE: Final = Rules(noise=1.0, tolerance=0.3, evenness=0.5, rounds=8, enough=1e-3)
-_FINE: Final = Rules(noise=3.0, tolerance=0.3, evenness=0.5, rounds=4, enough=2e-4)
+_COARSE: Final = Rules(noise=1.0, tolerance=0.3, evenness=0.5, rounds=8, enough=2e-3)
+_FINE: Final = Rules(noise=2.0, tolerance=0.3, evenness=0.3, rounds=4, enough=5e-4)
 # Where nobody says what moves by itself, every cell counts the same, and must agree more closely.
-_COARSE_BLIND: Final = replace(_COARSE, evenness=1.0, rounds=16, tightening=0.8)
+_COARSE_BLIND: Final = replace(_COARSE, evenness=1.0, rounds=16, enough=1e-3, tightening=0.8)
 _FINE_BLIND: Final = replace(_FINE, evenness=1.0, tolerance=0.1)
 
 _STRIDE: Final = 3  # px of the fine picture between samples
@@ -98,18 +98,22 @@ class DirectMotion:
         overlays = self._overlays.background.reshape(self._fine.shape)
         shown = cv2.resize(overlays, shape[::-1], interpolation=cv2.INTER_AREA).ravel()
         background = keep = self._background(self._coarse, boxes) * shown
+        counted = background * prev.coarse.textured
+        counted /= max(float(counted.sum()), _TINY)
+        change = variance(cur.coarse.values - prev.coarse.values)
+        still = agreement_of(change, prev.coarse.texture, rules.noise, rules.tolerance)
+        moved = bool(still @ counted < _SURE)
         best, best_share = IDENTITY, -1.0
         for _ in range(2):
-            start = self._voted(prev.picture, cur.picture, keep)
+            start = self._voted(prev.picture, cur.picture, keep) if moved else IDENTITY
             aligned = align(prev.coarse, cur.picture.coarse, start, keep, rules)
-            counted = background * prev.coarse.textured
-            share = float(aligned.agreement @ counted / max(counted.sum(), 1e-3))
+            share = float(aligned.agreement @ counted)
             if share > best_share:
                 best, best_share = aligned.cur_from_prev, share
             if share >= _SURE:
                 break
             around = cv2.dilate(aligned.agreement.reshape(shape), np.ones((3, 3), np.uint8))
-            keep = keep * (around.ravel() < _DISAGREES)
+            keep, moved = keep * (around.ravel() < _DISAGREES), True
             if keep.mean() < _ENOUGH_LEFT:
                 break
         return best

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from ssiam.geometry import Transform
-from ssiam.motion.cells import SAMPLES, Floats, Grid, Template, over_cells
+from ssiam.motion.cells import Floats, Grid, Template, variance
 from ssiam.motion.models import map_units
 
 _MOVED: Final = 1.0  # px of the fine picture that a cell must have moved to tell anything
@@ -38,8 +38,7 @@ class Overlays:
         """Compare how well moving (`error`, by cell) and standing still explain a frame."""
         shift = map_units(cur_from_prev, self._grid.centres) - self._grid.centres
         moved = np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED
-        change = cur.values - prev.values
-        still = over_cells(change, change) / SAMPLES
+        still = variance(cur.values - prev.values)
         same = (still < _SAME * prev.texture) & (still < _BETTER * error)
         self._evidence += np.where(moved & prev.textured & same, _GAIN * (1 - self._evidence), 0)
         self._evidence[still > _CHANGED * prev.texture] = 0
