@@ -62,6 +62,8 @@ class Pool:
     error : float
         Drawn scenes: mean over the clips of the RMS error, pixels. Real footage: median over the
         clips of the median error, % of the width.
+    mean : float
+        Mean error of all frames, those far off included.
     worst : float
         Largest error of a frame.
     beyond, beyond_worst : float
@@ -81,6 +83,7 @@ class Pool:
             self.error = float(np.median([np.median(score.errors) for score in done]))
         else:
             self.error = float(np.mean([np.sqrt(np.mean(score.errors**2)) for score in done]))
+        self.mean = float(np.mean(np.concatenate([score.errors for score in done])))
         beyond = [100 * float((score.errors > FAR).mean()) for score in done]
         self.worst = float(max(score.errors.max() for score in done))
         self.beyond, self.beyond_worst = float(np.mean(beyond)), max(beyond)
@@ -149,9 +152,11 @@ def _ratios(place: str, estimators: dict[str, list[Score]], baseline: str) -> st
         pool, base = Pool(_by(group, "scene")[scene]), bases[scene]
         if not (pool.frames and base.frames):
             return "failed"
-        return f"{base.ms / pool.ms:.1f} / {pool.error / base.error:.2f}"
+        shares = f"{base.ms / pool.ms:.1f} / {pool.error / base.error:.2f}"
+        return shares + (f" / {pool.mean / base.mean:.2f}" if place == REAL else "")
 
-    title = f"{place}: times faster than {baseline} / share of its error"
+    shares = "median / mean error" if place == REAL else "error"
+    title = f"{place}: times faster than {baseline} / share of its {shares}"
     return _table(title, estimators, ratio)
 
 

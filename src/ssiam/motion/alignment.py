@@ -109,7 +109,7 @@ def agreement_of(error: Floats, texture: Floats, noise: float, tolerance: float)
 
 
 def _steps(template: Template, residual: Floats, weight: Floats) -> NDArray[np.float64]:
-    """Steps (freedom,) along the generators that best explain the residual (25, cells)."""
+    """Steps (freedom,) along the generators that best explain the residual (samples, cells)."""
     slopes = np.einsum("kij,ij->kj", template.gradients, residual) * weight
     gradient = template.grid.flow @ slopes.ravel()
     freedom = len(gradient)

@@ -1,12 +1,11 @@
 """A picture cut into cells that vote: how it is sampled, and what a template knows of each cell.
 
-A cell is 5 × 5 samples, a small Lucas-Kanade patch (eq. 1 and 2). Samples are kept as
-(25, cells), so that every sum over a cell runs over the first axis.
+A cell is a square of samples, a small Lucas-Kanade patch (eq. 1 and 2). They are kept as
+(samples, cells), so that every sum over a cell runs over the first axis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
 import cv2
@@ -18,14 +17,15 @@ from ssiam.motion.models import ModelName, velocities
 
 Floats: TypeAlias = NDArray[np.floating[Any]]  # float32
 
-SAMPLES: Final = 25  # of a cell
-_SIDE: Final = 5
 _SOBEL: Final = 1 / 8  # of a 3 × 3 Sobel filter's answer is the gradient
 _TEXTURED: Final = 1.0  # grey levels squared
+_LEAST: Final = 0.5  # share of a cell that must be background
 
 
 class Grid:
-    """Where pictures of one size are sampled, every `stride` pixels, and how each cell moves.
+    """Where pictures of one size are sampled, and how each cell moves.
+
+    Samples lie `stride` pixels apart, and `side` by `side` of them make a cell.
 
     Attributes
     ----------
@@ -40,24 +40,31 @@ class Grid:
     """
 
     def __init__(
-        self, picture_wh: tuple[int, int], pixel_from_unit: Transform, stride: int, model: ModelName
+        self,
+        picture_wh: tuple[int, int],
+        pixel_from_unit: Transform,
+        stride: int,
+        side: int,
+        model: ModelName,
     ) -> None:
         self.model: ModelName = model
-        self._stride, self._first = stride, stride // 2
-        columns, rows = (((side - 1 - self._first) // stride + 1) // _SIDE for side in picture_wh)
+        self._stride, self._first, self._side = stride, stride // 2, side
+        columns, rows = (
+            ((length - 1 - self._first) // stride + 1) // side for length in picture_wh
+        )
         self.shape, self.cells = (rows, columns), rows * columns
-        self._samples_wh = columns * _SIDE, rows * _SIDE
+        self._samples_wh = columns * side, rows * side
         pixel_from_sample = np.diag([stride, stride, 1.0])
         pixel_from_sample[:2, 2] = self._first
         self._pixel_from_unit = pixel_from_unit
         self._unit_from_sample = np.linalg.inv(pixel_from_unit) @ pixel_from_sample
         scale_xy, first_xy = np.diag(self._unit_from_sample)[:2], self._unit_from_sample[:2, 2]
         middles = [
-            scale * (np.arange(count) * _SIDE + _SIDE // 2) + first
+            scale * (np.arange(count) * side + side // 2) + first
             for count, scale, first in zip((columns, rows), scale_xy, first_xy, strict=True)
         ]
         self.centres = np.stack(np.meshgrid(*middles)).reshape(2, -1)
-        self._cell_wh = scale_xy * _SIDE
+        self._cell_wh = scale_xy * side
         self._cell_ends = [m + side / 2 for m, side in zip(middles, self._cell_wh, strict=True)]
         self.pixels_per_unit = float(pixel_from_unit[0, 0])
         flow = velocities(self.centres, model) * np.diag(pixel_from_unit)[:2, None] * _SOBEL
@@ -67,20 +74,20 @@ class Grid:
         self._flow_products = [product.astype(np.float32) for product in products]
 
     def hessians(self, gradients: Floats) -> Floats:
-        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (2, 25, cells)."""
+        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (2, samples, cells)."""
         gx, gy = gradients
         xx, xy, yy = self._flow_products
         return xx * over_cells(gx, gx) + xy * over_cells(gx, gy) + yy * over_cells(gy, gy)
 
     def samples(self, picture: NDArray[Any]) -> Floats:
-        """Samples (25, cells) of a picture."""
+        """Samples (samples, cells) of a picture."""
         first, stride = self._first, self._stride
         width, height = self._samples_wh
         sampled = picture[first : first + height * stride : stride]
         return self._by_cell(sampled[:, first : first + width * stride : stride])
 
     def warped(self, picture: Image, cur_from_prev: Transform) -> Floats:
-        """Samples (25, cells) of a picture, each taken where a transform of units sends it."""
+        """Samples (samples, cells) of a picture, each taken where a transform of units sends it."""
         pixel_from_sample = self._pixel_from_unit @ cur_from_prev @ self._unit_from_sample
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         if self.model == "homography":
@@ -89,21 +96,29 @@ class Grid:
             seen = cv2.warpAffine(picture, pixel_from_sample[:2], self._samples_wh, flags=flags)
         return self._by_cell(seen)
 
-    def outside(self, low_xy: Sequence[float], high_xy: Sequence[float]) -> Floats:
-        """Share (cells,) of each cell that is outside of an upright box in units."""
-        covered = [
-            np.maximum(np.minimum(ends, high) - np.maximum(ends - side, low), 0) / side
-            for ends, side, low, high in zip(
-                self._cell_ends, self._cell_wh, low_xy, high_xy, strict=True
-            )
-        ]
-        share: Floats = 1 - np.outer(covered[1], covered[0]).ravel()
-        return share
+    def background(self, boxes: NDArray[np.float64]) -> Floats:
+        """Share (cells,) of each cell outside of boxes (N, 4), 0 where it is less than half.
+
+        Boxes are low x, low y, high x, high y in units.
+        """
+        keep = np.ones(self.cells, dtype=np.float32)
+        for low_x, low_y, high_x, high_y in boxes.tolist():
+            covered_x = self._covered(0, low_x, high_x)
+            keep *= 1 - np.outer(self._covered(1, low_y, high_y), covered_x).ravel()
+        if len(boxes):
+            keep[keep < _LEAST] = 0
+        return keep
+
+    def _covered(self, axis: int, low: float, high: float) -> Floats:
+        """Share of each column (axis 0) or row (1) of cells between two places."""
+        ends, side = self._cell_ends[axis], self._cell_wh[axis]
+        overlap = np.minimum(ends, high) - np.maximum(ends - side, low)
+        return np.asarray(np.maximum(overlap, 0) / side, dtype=np.float32)
 
     def _by_cell(self, samples: NDArray[Any]) -> Floats:
-        rows, columns = self.shape
-        parts = samples.reshape(rows, _SIDE, columns, _SIDE).transpose(1, 3, 0, 2)
-        return parts.astype(np.float32, order="C").reshape(SAMPLES, self.cells)
+        (rows, columns), side = self.shape, self._side
+        parts = samples.reshape(rows, side, columns, side).transpose(1, 3, 0, 2)
+        return parts.astype(np.float32, order="C").reshape(side * side, self.cells)
 
 
 class Template:
@@ -114,9 +129,9 @@ class Template:
 
     Attributes
     ----------
-    values : (25, cells) float32
+    values : (samples, cells) float32
         Grey levels.
-    gradients : (2, 25, cells) float32
+    gradients : (2, samples, cells) float32
         Along x and y, eight times the grey levels per pixel.
     hessians : (freedom * freedom, cells) float32
         Each cell's ``J Jᵀ``.
@@ -130,7 +145,7 @@ class Template:
         self.grid = grid
         self.values = grid.samples(picture)
         gradients = np.stack([grid.samples(part) for part in cv2.spatialGradient(picture)])
-        gradients -= np.add.reduce(gradients, axis=1, keepdims=True) * (1 / SAMPLES)
+        gradients -= np.add.reduce(gradients, axis=1, keepdims=True) * (1 / len(self.values))
         self.gradients: Floats = gradients
         self.hessians = grid.hessians(gradients)
         self.texture = variance(self.values)
@@ -138,14 +153,15 @@ class Template:
 
 
 def variance(samples: Floats) -> Floats:
-    """Mean square (cells,) of samples (25, cells), each cell's mean taken off."""
-    mean = np.add.reduce(samples) * (1 / SAMPLES)
-    spread: Floats = over_cells(samples, samples) * (1 / SAMPLES) - mean * mean
+    """Mean square (cells,) of samples (samples, cells), each cell's mean taken off."""
+    share = 1 / len(samples)
+    mean = np.add.reduce(samples) * share
+    spread: Floats = over_cells(samples, samples) * share - mean * mean
     return np.maximum(spread, 0, out=spread)
 
 
 def over_cells(first: Floats, second: Floats) -> Floats:
-    """Sum (cells,) of the products of two sets of samples (25, cells)."""
+    """Sum (cells,) of the products of two sets of samples (samples, cells)."""
     summed: Floats = np.einsum("ij,ij->j", first, second)
     return summed
 

@@ -7,10 +7,12 @@ from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
 
 _LONGER_SIDE: Final = 320  # px of the finest picture: exact enough, and blind to small waves
+_GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
 _HUGE: Final = 4  # times that size, from which on colour is reduced after the size
 
 
@@ -28,41 +30,48 @@ class Scales:
 
     Attributes
     ----------
-    frame_from_unit, fine_from_unit, coarse_from_unit, tiny_from_unit : (3, 3) float64
-        Pixels of the frame and of each picture, from units (see `models`).
+    fine_wh, coarse_wh : (int, int)
+        Width and height of those pictures, pixels.
+    frame_from_unit, fine_from_unit, coarse_from_unit : (3, 3) float64
+        Pixels of the frame and of those pictures, from units (see `models`).
+    unit_from_frame : (3, 3) float64
+    tiny_per_unit : (2,) float64
+        Pixels of the tiny picture along x and y.
     """
 
     def __init__(self, size_wh: tuple[int, int]) -> None:
         width, height = size_wh
         longer = max(size_wh)
         scale = _LONGER_SIDE / longer
-        self._shrunk_wh = max(round(width * scale), 1), max(round(height * scale), 1)
+        self.fine_wh = max(round(width * scale), 1), max(round(height * scale), 1)
+        self.coarse_wh = (self.fine_wh[0] + 3) // 4, (self.fine_wh[1] + 3) // 4
         self._huge = longer >= _HUGE * _LONGER_SIDE
         half = longer / 2
         self.frame_from_unit: Transform = np.array(
             [[half, 0, (width - 1) / 2], [0, half, (height - 1) / 2], [0, 0, 1]]
         )
-        x_scale, y_scale = np.divide(self._shrunk_wh, size_wh)
+        x_scale, y_scale = np.divide(self.fine_wh, size_wh)
         fine_from_frame = np.array(
             [[x_scale, 0, (x_scale - 1) / 2], [0, y_scale, (y_scale - 1) / 2], [0, 0, 1]]
         )
         self.fine_from_unit = fine_from_frame @ self.frame_from_unit
         self.unit_from_frame: Transform = np.linalg.inv(self.frame_from_unit).astype(np.float64)
         self.coarse_from_unit = np.diag([1 / 4, 1 / 4, 1]) @ self.fine_from_unit
-        self.tiny_from_unit = np.diag([1 / 8, 1 / 8, 1]) @ self.fine_from_unit
+        self.tiny_per_unit = np.diag(self.fine_from_unit)[:2] / 8
 
-    @property
-    def picture_sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """(width, height) of the coarse and of the fine picture, pixels."""
-        width, height = self._shrunk_wh
-        return ((width + 3) // 4, (height + 3) // 4), (width, height)
+    def grown(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Boxes (N, 4) xywh of the frame's pixels, a little larger: low xy, high xy in units."""
+        margin_wh = _GROW * boxes[:, 2:]
+        low, high = boxes[:, :2] - margin_wh, boxes[:, :2] + boxes[:, 2:] + margin_wh
+        scale, offset = self.frame_from_unit[0, 0], self.frame_from_unit[:2, 2]
+        return np.asarray((np.hstack([low, high]) - np.tile(offset, 2)) / scale)
 
     def picture(self, frame: Image) -> Picture:
         """The three pictures of a frame (H, W, 3) uint8 BGR."""
         if self._huge:
-            gray = cv2.cvtColor(cv2.resize(frame, self._shrunk_wh), cv2.COLOR_BGR2GRAY)
+            gray = cv2.cvtColor(cv2.resize(frame, self.fine_wh), cv2.COLOR_BGR2GRAY)
         else:
-            gray = cv2.resize(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), self._shrunk_wh)
+            gray = cv2.resize(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), self.fine_wh)
         fine = cv2.GaussianBlur(gray, (3, 3), 0)
         coarse = cv2.pyrDown(cv2.pyrDown(fine))
         tiny = cv2.pyrDown(coarse)

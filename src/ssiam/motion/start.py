@@ -1,0 +1,88 @@
+"""Where the fine alignment begins: the coarse pictures, and who wins when two motions compete."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import IDENTITY, Image, Transform
+from ssiam.motion.alignment import Rules, agreement_of, align
+from ssiam.motion.cells import Floats, Grid, Template, variance
+from ssiam.motion.pictures import Picture, Scales
+from ssiam.motion.vote import voted_shift
+
+_TOLD: Final = Rules(noise=1.0, tolerance=0.3, evenness=0.5, rounds=8, enough=2e-3)
+_UNTOLD: Final = replace(_TOLD, evenness=1.0, rounds=16, enough=1e-3, tightening=0.8)
+
+_SURE: Final = 0.5  # share of the textured cells that must agree, or another start is tried
+_DISAGREES: Final = 0.3  # agreement below which a cell may belong to something else
+_ENOUGH_LEFT: Final = 0.15  # share of the cells that must be left for another start
+_NEIGHBOURS: Final = np.ones((3, 3), np.uint8)
+_TINY: Final = 1e-3
+
+
+class CoarseStart:
+    """Rigid motion of frames of one size at 80 pixels, from a start that blocks vote for."""
+
+    def __init__(self, scales: Scales) -> None:
+        self._scales = scales
+        self.grid = Grid(scales.coarse_wh, scales.coarse_from_unit, stride=1, side=5, model="rigid")
+
+    def template(self, picture: Image) -> Template:
+        """Of a coarse picture."""
+        return Template(picture, self.grid)
+
+    def find(
+        self,
+        prev: tuple[Picture, Template],
+        cur: tuple[Picture, Template],
+        boxes: NDArray[np.float64],
+        shown: Floats,
+    ) -> Transform:
+        """cur_from_prev in units.
+
+        Where most cells disagree with what was found, the largest thing that moves by itself may
+        have won: a second start is made from the disagreeing cells, and the motion that more of
+        the picture agrees with is kept.
+
+        Parameters
+        ----------
+        prev, cur : (Picture, Template)
+            Of the previous frame and this one.
+        boxes : (N, 4) float64
+            Left out: low x, low y, high x, high y in units.
+        shown : (rows, columns) float32
+            0 where something is drawn over the picture, else 1; any grid over the picture.
+        """
+        (prev_picture, template), (cur_picture, cur_template) = prev, cur
+        rules = _TOLD if len(boxes) else _UNTOLD
+        shape = self.grid.shape
+        overlays = cv2.resize(shown, shape[::-1], interpolation=cv2.INTER_AREA)
+        keep = self.grid.background(boxes) * overlays.ravel()
+        counted = keep * template.textured
+        counted /= max(float(counted.sum()), _TINY)
+        change = variance(cur_template.values - template.values)
+        still = agreement_of(change, template.texture, rules.noise, rules.tolerance)
+        moved = bool(still @ counted < _SURE)
+        best, best_share = IDENTITY, -1.0
+        for _ in range(2):
+            start = self._voted(prev_picture.tiny, cur_picture.tiny, keep) if moved else IDENTITY
+            aligned = align(template, cur_picture.coarse, start, keep, rules)
+            share = float(aligned.agreement @ counted)
+            if share > best_share:
+                best, best_share = aligned.cur_from_prev, share
+            around = cv2.dilate(aligned.agreement.reshape(shape), _NEIGHBOURS).ravel()
+            keep, moved = keep * (around < _DISAGREES), True
+            if share >= _SURE or keep.mean() < _ENOUGH_LEFT:
+                break
+        return best
+
+    def _voted(self, prev: Image, cur: Image, keep: Floats) -> Transform:
+        start = np.eye(3)
+        shift_xy = voted_shift(prev, cur, keep.reshape(self.grid.shape))
+        start[:2, 2] = np.divide(shift_xy, self._scales.tiny_per_unit)
+        return start
