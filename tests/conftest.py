@@ -1,12 +1,9 @@
 import os
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 

@@ -41,8 +41,9 @@ class MissingExtraError(SsiamError):
 Choice = TypeVar("Choice", bound=str)
 
 
-def check_choice(kind: str, value: Choice, known: Sequence[Choice]) -> Choice:
+def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
     """`value`, if it is one of the `known` names; else an `ArgumentError` that lists them."""
-    if value not in known:
-        raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")
-    return value
+    for name in known:
+        if name == value:
+            return name
+    raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")

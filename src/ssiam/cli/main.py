@@ -27,6 +27,10 @@ app = App(
     result_action="return_value",
 )
 app.command("ssiam.cli.track:track", name="track")
+app.command("ssiam.cli.bench:bench", name="bench")
+app.command("ssiam.cli.eval:evaluate", name="eval")
+app.command("ssiam.cli.trax:trax", name="trax")
+app.command("ssiam.cli.vot_workspace:vot_workspace", name="vot-workspace")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

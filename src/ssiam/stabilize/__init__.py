@@ -1,8 +1,8 @@
 """From the camera's motion to a steadied view of each frame."""
 
-from ssiam.stabilize.config import Method, StabilizerConfig
+from ssiam.stabilize.config import METHODS, Method, StabilizerConfig
 from ssiam.stabilize.path import CameraPath
 from ssiam.stabilize.stabilizer import Stabilizer
 from ssiam.stabilize.view import FrameView
 
-__all__ = ["CameraPath", "FrameView", "Method", "Stabilizer", "StabilizerConfig"]
+__all__ = ["METHODS", "CameraPath", "FrameView", "Method", "Stabilizer", "StabilizerConfig"]

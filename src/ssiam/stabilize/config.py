@@ -9,6 +9,7 @@ from ssiam.errors import ArgumentError, check_choice
 from ssiam.motion import KEYPOINTS, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal"]
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class StabilizerConfig:
     tha: float = 0.3
 
     def __post_init__(self) -> None:
-        check_choice("stabilize", self.stabilize, get_args(Method))
+        check_choice("stabilize", self.stabilize, METHODS)
         check_choice("keypoints", self.keypoints, KEYPOINTS)
         check_choice("fit", self.fit, get_args(FitName))
         if self.window < 1:

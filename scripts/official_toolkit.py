@@ -1,0 +1,173 @@
+"""Proof that the official VOT toolkit runs our trackers, and that our A, R and EAO are its own.
+
+    python scripts/official_toolkit.py [--environment DIR] [--workspace DIR]
+
+Makes an environment with vot-toolkit, or uses the one that is there; draws three short sequences
+with a shaking camera; lets the toolkit evaluate and analyse CSRT alone and on the steadied view
+through `ssiam trax`; and measures the regions that it stored with `ssiam.evaluation.vot_toolkit`.
+Ends with 1 if a measure is further than .001 from the toolkit's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ssiam.datasets import open_dataset
+from ssiam.evaluation import vot_toolkit
+from ssiam.evaluation.eao import Interval
+from ssiam.evaluation.tracked import read_results
+from ssiam.geometry import corners_from_xywh, frame_centre, map_points, rigid
+
+PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail on supervised experiments
+INTERPRETERS = ("python3.11", "python3.12", "python3.10", "python3.13")
+TOLERANCE = 1e-3
+
+LABELS = ("csrt-off", "csrt-paper")
+MEASURES = ("A", "R", "EAO")
+
+SIZE = (320, 240)  # px
+FRAMES = 75
+TARGET = (46, 34)  # px
+# Sequence: standard deviation of the camera's shift, px, and roll, radians; frames at which the
+# target leaps away, so that every tracker loses it.
+SEQUENCES: dict[str, tuple[float, float, tuple[int, ...]]] = {
+    "calm": (0.5, 0.0, ()),
+    "shaky": (5.0, 0.015, (50,)),
+    "leaps": (2.0, 0.005, (20, 45, 73)),
+}
+
+
+def main() -> int:
+    """Run the comparison; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--environment", type=Path, default=Path("build/vot-toolkit"))
+    parser.add_argument("--workspace", type=Path, help="kept for inspection; must be new")
+    arguments = parser.parse_args()
+    toolkit = environment(arguments.environment)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (arguments.workspace or Path(temporary) / "workspace").absolute()
+        for index, name in enumerate(SEQUENCES):
+            write_sequence(folder / "sequences" / name, index)
+        run(sys.executable, "-m", "ssiam", "vot-workspace", folder)
+        told = run(toolkit, "-m", "vot", "evaluate", "--workspace", folder, *LABELS)
+        told += run(toolkit, "-m", "vot", "analysis", "--workspace", folder, "--name", "all")
+        report = folder / "analysis" / "all.json"
+        if not report.is_file():
+            sys.exit(f"{told}\nthe toolkit ended without an analysis; its words are above")
+        return compare(json.loads(report.read_text(encoding="utf-8")), folder)
+
+
+def environment(folder: Path) -> Path:
+    """The Python of an environment with the toolkit; made if it is not there or not complete."""
+    python = folder.absolute() / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    ready = folder / "ready.txt"
+    if not (ready.is_file() and ready.read_text().split() == list(PINS) and python.exists()):
+        print(f"installing {' '.join(PINS)} into {folder}")
+        run(interpreter(), "-m", "venv", "--clear", folder)
+        run(python, "-m", "pip", "install", "--quiet", *PINS)
+        ready.write_text("\n".join(PINS))
+    return python
+
+
+def interpreter() -> str:
+    """The first Python on the path that the toolkit runs with."""
+    for name in INTERPRETERS:
+        try:
+            subprocess.run([name, "-c", "import ensurepip"], check=True, capture_output=True)
+        except (OSError, subprocess.CalledProcessError):
+            continue
+        return name
+    sys.exit(f"no Python for vot-toolkit: install one of {', '.join(INTERPRETERS)}")
+
+
+def run(*command: str | Path) -> str:
+    """What a command prints; ends this program if it fails."""
+    words = [str(word) for word in command]
+    # Results as text, which other tools read.
+    variables = {**os.environ, "VOT_RESULTS_BINARY": "0"}
+    done = subprocess.run(
+        words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables
+    )
+    if done.returncode:
+        sys.exit(f"{done.stdout}\n{' '.join(words)} ended with {done.returncode}")
+    return done.stdout
+
+
+def write_sequence(folder: Path, seed: int) -> None:
+    """A target that wanders over a background, seen by a shaking camera, in VOT's layout."""
+    shake, roll, leaps = SEQUENCES[folder.name]
+    random = np.random.Generator(np.random.PCG64(seed))
+    (width, height), (w, h) = SIZE, TARGET
+    background = texture(random, (width, height), 12)
+    target = texture(random, TARGET, 7)
+    (folder / "color").mkdir(parents=True)
+    truth = []
+    for index, (x, y) in enumerate(path(leaps)):
+        picture = background.copy()
+        picture[y : y + h, x : x + w] = target
+        dx, dy, angle = random.normal(0, (shake, shake, roll))
+        seen_from_world = rigid(dx, dy, angle, frame_centre(SIZE))
+        frame = cv2.warpAffine(picture, seen_from_world[:2], SIZE, borderMode=cv2.BORDER_REFLECT)
+        cv2.imwrite(str(folder / "color" / f"{index + 1:08d}.jpg"), frame)
+        corners = map_points(seen_from_world, corners_from_xywh((x, y, w - 1, h - 1)))
+        truth.append(",".join(f"{value:.3f}" for value in corners.ravel()))
+    (folder / "groundtruth.txt").write_text("\n".join(truth) + "\n")
+    (folder / "sequence").write_text(
+        f"name={folder.name}\nfps=30\nformat=default\nchannel.default=color\n"
+        f"channels.color=color/%08d.jpg\nwidth={width}\nheight={height}\nlength={FRAMES}\n"
+    )
+
+
+def texture(random: np.random.Generator, size_wh: tuple[int, int], cell: int) -> Any:
+    """Random colours in cells of `cell` pixels and finer: (H, W, 3) uint8."""
+    width, height = size_wh
+    shape = (height // cell + 1, width // cell + 1, 3)
+    colours = random.integers(30, 226, shape).astype(np.uint8)
+    coarse = np.kron(colours, np.ones((cell, cell, 1), np.uint8))[:height, :width]
+    return cv2.add(coarse, random.integers(0, 30, coarse.shape).astype(np.uint8))
+
+
+def path(leaps: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    """Top left corner of the target in every frame, world pixels."""
+    side = 0
+    for index in range(FRAMES):
+        side ^= index in leaps
+        yield 45 + 140 * side + round(25 * np.sin(index / 9)), 100 + round(40 * np.cos(index / 14))
+
+
+def compare(report: dict[str, Any], folder: Path) -> int:
+    """Print the toolkit's measures beside ours; 1 if they disagree, else 0."""
+    baseline = report["results"]["baseline"]
+    averages, means, _ = baseline["results"]
+    limits = next(each for each in baseline["parameters"]["analyses"] if "high" in each)
+    interval = Interval(limits["low"], limits["high"])
+    sequences = open_dataset(folder / "sequences", "vot").sequences.values()
+    worst = 0.0
+    print(f"{'tracker':12s}{'measure':>8s}{'vot-toolkit':>14s}{'ssiam':>10s}")
+    for label, (accuracy, lost, *_), (eao,) in zip(
+        report["trackers"], averages, means, strict=True
+    ):
+        results = read_results(folder / "results" / label, sequences)
+        found = vot_toolkit.scores(results.tracked, interval)
+        ours = (found.accuracy, found.robustness, found.eao)
+        for measure, official, own in zip(MEASURES, (accuracy, lost, eao), ours, strict=True):
+            print(f"{label:12s}{measure:>8s}{official:14.4f}{own:10.4f}")
+            worst = max(worst, abs(official - own)) if official == official else np.inf
+    agree = worst <= TOLERANCE
+    print(f"largest difference {worst:.6f}: {'they agree' if agree else 'they DISAGREE'}")
+    return 0 if agree else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

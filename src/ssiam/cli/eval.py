@@ -1,0 +1,119 @@
+"""`ssiam eval`: A, R and EAO of raw result files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from ssiam.datasets import open_dataset
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.eao import interval_of
+from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.report import (
+    Comparison,
+    TrackerReport,
+    compared,
+    comparisons_table,
+    report,
+    scores_table,
+    tags_table,
+)
+from ssiam.evaluation.tracked import read_results
+
+# Width of the tables where they do not go to a terminal, characters.
+_FILE_WIDTH = 120
+
+
+def evaluate(
+    results: Path,
+    /,
+    *,
+    dataset: Path,
+    year: int | None = None,
+    experiment: Literal["baseline", "realtime"] = "baseline",
+    compare: Annotated[bool, Parameter(negative=())] = False,
+    json_output: Annotated[bool, Parameter(name="--json", negative=())] = False,
+) -> None:
+    """Accuracy, robustness and EAO of raw VOT results.
+
+    Printed twice, for the numbers differ: as pysot-toolkit computes them, whose robustness is
+    lost targets per 100 frames and stands in most papers' tables, and as the official vot-toolkit
+    0.7.4 does, whose robustness is lost targets per sequence.
+
+    Parameters
+    ----------
+    results
+        Folder of a tracker, which holds baseline/SEQUENCE/SEQUENCE_001.txt, or a folder of such
+        folders.
+    dataset
+        The dataset: a folder, or pysot's .json file; images are not needed.
+    year
+        Year of VOT whose lengths of sequences EAO is taken over; by default the one in the
+        dataset's name.
+    experiment
+        Which runs: baseline or realtime.
+    compare
+        Compare each of several trackers with the first, sequence by sequence.
+    json_output
+        Print JSON instead of tables.
+    """
+    folders = _trackers(results, experiment)
+    opened = open_dataset(dataset)
+    interval = interval_of(opened.name, year)
+    if compare and len(folders) == 1:
+        raise ArgumentError(f"{results}: --compare needs the results of several trackers")
+    sequences = list(opened.sequences.values())
+    reports = []
+    for folder in folders:
+        reports.append(report(read_results(folder, sequences, experiment), interval))
+        _complain(reports[-1].notes)
+    comparisons = compared(reports) if compare else []
+    if json_output:
+        print(json.dumps(_document(reports, comparisons), allow_nan=False))
+    else:
+        _show(reports, comparisons)
+
+
+def _trackers(results: Path, experiment: str) -> list[Path]:
+    """The folders of trackers: the one that is given, or those in it, by name."""
+    if not results.is_dir():
+        raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
+    if (results / experiment).is_dir():
+        return [results]
+    found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())
+    if not found:
+        raise ResultsError(
+            f"{results}: neither it nor a folder in it holds {experiment}/SEQUENCE/SEQUENCE_001.txt"
+        )
+    return found
+
+
+def _complain(notes: Sequence[str]) -> None:
+    for note in notes:
+        print(f"ssiam: {note}", file=sys.stderr)
+
+
+def _document(
+    reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]
+) -> dict[str, Any]:
+    if len(reports) == 1:
+        return reports[0].as_dict()
+    document: dict[str, Any] = {"trackers": {each.name: each.as_dict() for each in reports}}
+    if comparisons:
+        document["comparison"] = {each.name: each.as_dict() for each in comparisons}
+    return document
+
+
+def _show(reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]) -> None:
+    console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH)
+    console.print(scores_table(reports))
+    if any(each.by_tag for each in reports):
+        console.print(tags_table(reports))
+    if comparisons:
+        console.print(comparisons_table(comparisons))

@@ -1,0 +1,86 @@
+"""Ground truth files: a box or a polygon a line."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.datasets.errors import DatasetError
+from ssiam.datasets.files import read_text
+from ssiam.geometry import corners_from_xywh
+
+_SEPARATORS = re.compile(r"[\s,;]+")
+# Characters of a bad line that a message shows.
+_SHOWN = 40
+
+
+def read_boxes(path: Path) -> NDArray[np.float64]:
+    """The boxes of a file, (N, 4) x, y, w, h or (N, 8) corners, with the numbers as they stand.
+
+    Numbers are parted by commas, tabs or spaces; ``nan`` may stand for what is not known.
+
+    Raises
+    ------
+    DatasetError
+        The file is missing, empty or too large, or a line is not 4 or 8 numbers.
+    """
+    return parse_boxes(read_text(path), path)
+
+
+def parse_boxes(text: str, source: Path) -> NDArray[np.float64]:
+    """As `read_boxes`, of a text that was read from `source`."""
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip():
+            row = _numbers(line)
+            if row is None:
+                shown = line.strip()[:_SHOWN]
+                raise DatasetError(f"{source}: line {number} is {shown!r}, not 4 or 8 numbers")
+            rows.append(row)
+    return stacked(rows, source)
+
+
+def stacked(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray[np.float64]:
+    """Rows of 4 or 8 numbers as one array; where both occur, boxes become their corners."""
+    rows = list(rows)
+    if not rows:
+        raise DatasetError(f"{source}: holds no box; get it again")
+    if len({len(row) for row in rows}) > 1:
+        rows = [_corners(row) for row in rows]
+    return np.array(rows, dtype=np.float64)
+
+
+def located(xywh: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
+    """Boxes (N, 4) brought from pixels that count from `origin` to 0-based ones.
+
+    Boxes without area, by which OTB, GOT-10k and LaSOT say that the target is not there, are nan.
+    """
+    moved = xywh - (origin, origin, 0, 0)
+    with np.errstate(invalid="ignore"):
+        moved[~(xywh[:, 2:] > 0).all(axis=1)] = np.nan
+    return moved
+
+
+def read_xywh(path: Path) -> NDArray[np.float64]:
+    """As `read_boxes`, of a layout that has no polygons."""
+    boxes = read_boxes(path)
+    if boxes.shape[1] != 4:
+        raise DatasetError(f"{path}: holds polygons; boxes x, y, w, h were expected")
+    return boxes
+
+
+def _numbers(line: str) -> tuple[float, ...] | None:
+    try:
+        row = tuple(map(float, _SEPARATORS.split(line.strip(" \t,;\r\n"))))
+    except ValueError:
+        return None
+    return row if len(row) in (4, 8) and not any(map(math.isinf, row)) else None
+
+
+def _corners(row: tuple[float, ...]) -> tuple[float, ...]:
+    return row if len(row) == 8 else tuple(corners_from_xywh(row).ravel())

@@ -1,0 +1,31 @@
+"""DTB70: NAME/img/00001.jpg and NAME/groundtruth_rect.txt, or NAME.txt where one was got alone.
+
+Its authors do not say from where pixels count; toolkits leave the boxes as they stand, and so does
+this reader.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from ssiam.datasets.clips import read_clip
+from ssiam.datasets.dataset import Options, Readers
+from ssiam.datasets.files import named_like
+
+EXPECTS = "groundtruth_rect.txt and img/00001.jpg in each sequence's folder"
+
+_TRUTH = "groundtruth_rect.txt"
+# The only sequence of OTB whose images have names of five digits too.
+_NOT_DTB70 = "Board"
+
+
+def sequences_in(folder: Path, options: Options) -> Readers:
+    """The sequence that `folder` holds, if it is one of this layout."""
+    if not (folder / "img").is_dir() or folder.name == _NOT_DTB70:
+        return {}
+    published = folder / _TRUTH if (folder / "img" / "00001.jpg").is_file() else None
+    truth_path = published if published and published.is_file() else named_like(folder)
+    if truth_path is None:
+        return {}
+    return {folder.name: partial(read_clip, folder, truth_path, options.as_published)}

@@ -1,0 +1,61 @@
+"""GOT-10k: train/, val/ and test/, in each list.txt and folders of 00000001.jpg and labels.
+
+Its authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers take
+them as they stand: so does this reader. Of the test sequences only the first box is told.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.datasets.boxes import located, read_xywh
+from ssiam.datasets.dataset import Options, Readers
+from ssiam.datasets.files import images_in
+from ssiam.datasets.labels import read_flags, read_levels
+from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.sequence import Sequence
+
+EXPECTS = "groundtruth.txt, meta_info.ini and 00000001.jpg in each GOT-10k_... folder"
+SPLITS = ("train", "val", "test")
+
+_ORIGIN = 0
+_TRUTH = "groundtruth.txt"
+_MARKS = ("meta_info.ini", "absence.label", "cover.label")
+_NAME = "GOT-10k_"
+_FLAGS = ("absence", "cut_by_image")
+# Steps of cover.label, from hidden (0) to wholly visible (8).
+_WHOLLY_VISIBLE = 8
+
+
+def sequences_in(folder: Path, options: Options) -> Readers:
+    """The sequence that `folder` holds, if it is one of this layout and of the wanted split."""
+    if not (folder / _TRUTH).is_file() or options.split not in (None, folder.resolve().parent.name):
+        return {}
+    if not folder.name.startswith(_NAME) and not any((folder / mark).is_file() for mark in _MARKS):
+        return {}
+    return {folder.name: partial(read_got10k, folder, options.as_published)}
+
+
+def read_got10k(folder: Path, as_published: bool = False) -> Sequence:
+    """One sequence; `DatasetError` if something of it is missing or damaged."""
+    frames, boxes = images_in(folder), read_xywh(folder / _TRUTH)
+    check_counts(folder, len(frames), len(boxes), one_is_enough=True)
+    return Sequence(
+        folder.name,
+        frames,
+        boxes if as_published else located(boxes, _ORIGIN),
+        tags=_tags(folder, len(frames)),
+    )
+
+
+def _tags(folder: Path, count: int) -> dict[str, NDArray[np.bool_]]:
+    paths = {name: folder / f"{name}.label" for name in _FLAGS}
+    tags = {name: read_flags(path, count) for name, path in paths.items() if path.is_file()}
+    cover = folder / "cover.label"
+    if cover.is_file():
+        tags["occlusion"] = read_levels(cover, count) < _WHOLLY_VISIBLE
+    return tags

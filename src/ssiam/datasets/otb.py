@@ -1,0 +1,90 @@
+"""OTB50 and OTB100: NAME/img/0001.jpg and NAME/groundtruth_rect.txt.
+
+Boxes in the files are 1-based. A folder may hold two targets (groundtruth_rect.1.txt and .2.txt),
+which are sequences of their own, NAME-1 and NAME-2.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.datasets.boxes import located, read_xywh
+from ssiam.datasets.dataset import Options, Readers
+from ssiam.datasets.files import image_folder, images_in, numbered
+from ssiam.datasets.otb_facts import OTB50, RANGES
+from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.sequence import Sequence
+
+EXPECTS = "groundtruth_rect.txt and img/ in each sequence's folder"
+SPLITS = ("otb50", "otb100")
+
+_ORIGIN = 1
+# Bytes: a line break, which is all that Human4's first file holds.
+_NO_BOXES = 2
+_TRUTH = re.compile(r"groundtruth_rect(?:\.?(\d))?\.txt")
+# Folders that were copied for one of their two targets: Jogging-1, Jogging.2.
+_ONE_OF_TWO = re.compile(r"(.+)[-._](\d)")
+
+
+def sequences_in(folder: Path, options: Options) -> Readers:
+    """The sequences that `folder` holds, one for each of its ground truth files."""
+    found = {}
+    for path in sorted(folder.glob("groundtruth_rect*.txt")):
+        name = _name(folder, path)
+        if name is not None and (options.split != "otb50" or name in OTB50):
+            found[name] = partial(read_otb, folder, path, options.as_published)
+    return found
+
+
+def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> Sequence:
+    """The sequence of one ground truth file, 0-based unless `as_published`.
+
+    Images are chosen by their number where the benchmark uses only some of them (David from 0300
+    on). Else there must be a box for every image.
+
+    Raises
+    ------
+    DatasetError
+        Something is missing or damaged, or there are more boxes or images than there should be.
+    """
+    boxes = read_xywh(truth_path)
+    frames, boxes = _evaluated(folder, images_in(image_folder(folder)), boxes)
+    check_counts(folder, len(frames), len(boxes))
+    return Sequence(
+        _name(folder, truth_path) or folder.name,
+        frames,
+        boxes if as_published else located(boxes, _ORIGIN),
+    )
+
+
+def _name(folder: Path, truth_path: Path) -> str | None:
+    """Name of the sequence; None if the file has no boxes, or not those of this copy."""
+    form = _TRUTH.fullmatch(truth_path.name)
+    if form is None or truth_path.stat().st_size <= _NO_BOXES:
+        return None
+    if form[1] is None:
+        return folder.name
+    copied = _ONE_OF_TWO.fullmatch(folder.name)
+    if copied is None:
+        return f"{folder.name}-{form[1]}"
+    return f"{copied[1]}-{form[1]}" if copied[2] == form[1] else None
+
+
+def _evaluated(
+    folder: Path, images: tuple[Path, ...], boxes: NDArray[np.float64]
+) -> tuple[tuple[Path, ...], NDArray[np.float64]]:
+    """Images and boxes of the frames that the benchmark uses; all, if those are not all here."""
+    if folder.name not in RANGES:
+        return images, boxes
+    first, last = RANGES[folder.name]
+    by_number = numbered(images)
+    wanted = range(first, last + 1)
+    if not by_number.keys() >= set(wanted):
+        return images, boxes
+    frames = tuple(by_number[number] for number in wanted)
+    return frames, boxes[first - 1 :] if len(boxes) == last else boxes

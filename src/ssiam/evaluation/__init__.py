@@ -1,0 +1,1 @@
+"""Measuring: overlaps, trajectories in the official formats, A/R/EAO, success, comparisons."""

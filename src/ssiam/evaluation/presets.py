@@ -1,0 +1,119 @@
+"""The runs behind the paper's tables, as far as their trackers and data are at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, get_args
+
+from ssiam.errors import check_choice
+from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.published import vot_year
+from ssiam.motion import KEYPOINTS
+from ssiam.stabilize import StabilizerConfig
+from ssiam.trackers import TRACKERS
+
+PresetName: TypeAlias = Literal["table1", "table2", "table3", "table4"]
+PRESETS: Final[tuple[PresetName, ...]] = get_args(PresetName)
+
+_OFF, _PAPER = StabilizerConfig("off"), StabilizerConfig("paper")
+
+# Table 2 by keypoint generator, the paper's five first.
+GENERATORS: Final[dict[str, StabilizerConfig]] = {
+    name: replace(_PAPER, keypoints=name)
+    for name in sorted(KEYPOINTS, key=lambda name: name == "direct")
+}
+# Table 3 by threshold and value; the thresholds that a row does not name are the paper's.
+THRESHOLDS: Final[dict[str, dict[float, StabilizerConfig]]] = {
+    "THx1 = 2 THy1, px": {x: replace(_PAPER, thx1=x, thy1=x / 2) for x in (60.0, 80.0, 100.0)},
+    "THx2 = 2 THy2, px/frame": {x: replace(_PAPER, thx2=x, thy2=x / 2) for x in (20.0, 40.0, 80.0)},
+    "THa, rad": {angle: replace(_PAPER, tha=angle) for angle in (0.1, 0.3, 0.5, 1.0)},
+}
+_CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
+    "table1": (_OFF, _PAPER),
+    "table2": (_OFF, *GENERATORS.values()),
+    # A dict, for the paper's own numbers stand in every threshold's rows.
+    "table3": tuple(dict.fromkeys(each for row in THRESHOLDS.values() for each in row.values())),
+    "table4": (_OFF, _PAPER),
+}
+
+# The paper's trackers, and where their networks are published.
+_TRACKERS: Final = {
+    "SiamFC": "github.com/huanglianghua/siamfc-pytorch",
+    "SiamRPN++": "github.com/STVIR/pysot (siamrpn_r50_l234_dwxcorr)",
+    "SiamMask_E": "github.com/STVIR/pysot (siammask_r50_l3); its box: github.com/baoxinchen/siammask_e",
+}
+# Years of VOT that a table needs; of Tables 2 and 3 the year is not known.
+_YEARS: Final[dict[PresetName, tuple[int, ...]]] = {
+    "table1": (2016, 2018, 2019),
+    "table2": (),
+    "table3": (),
+    "table4": (2018,),
+}
+# Trackers that need no weights.
+_FREE: Final = ("csrt", "kcf")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What to run for a table of the paper.
+
+    Attributes
+    ----------
+    entries : list of Entry
+    missing : list of str
+        A line for each tracker and dataset of the paper's that is not among them, and where it
+        comes from.
+    """
+
+    entries: list[Entry]
+    missing: list[str]
+
+
+def preset(
+    name: str,
+    trackers: Sequence[str] | None,
+    weights: Mapping[str, Path],
+    datasets: Iterable[str] | None = None,
+) -> Preset:
+    """The runs behind a table of the paper.
+
+    Parameters
+    ----------
+    name : {"table1", "table2", "table3", "table4"}
+        1: every tracker alone and steadied. 2: the keypoint generators. 3: the thresholds of
+        eq. 6, one varied at a time. 4: as 1, for the targets lost in each sequence.
+    trackers : sequence of str, optional
+        In place of those at hand: csrt, kcf and what `weights` are given for.
+    weights : mapping of str to Path
+        By the tracker's name.
+    datasets : iterable of str, optional
+        Names of the datasets that will be run; None: nothing is said about missing ones.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown preset or tracker.
+    """
+    table = check_choice("preset", name, PRESETS)
+    names = [*_FREE, *(each for each in TRACKERS if each in weights)]
+    chosen = [check_choice("tracker", each, TRACKERS) for each in trackers or names]
+    missing = [
+        f"{each}: not in this version of ssiam; its authors' is at {where}"
+        for each, where in _TRACKERS.items()
+    ]
+    if datasets is not None:
+        missing += _missing_data(table, {vot_year(each) for each in datasets})
+    return Preset(
+        [Entry(each, config, weights.get(each)) for each in chosen for config in _CONFIGS[table]],
+        missing,
+    )
+
+
+def _missing_data(table: PresetName, years: set[int | None]) -> list[str]:
+    where = "none of the datasets; it comes from votchallenge.net"
+    lines = [f"VOT{year}: {where}" for year in _YEARS[table] if year not in years]
+    if not _YEARS[table] and years <= {None}:
+        lines.append(f"VOT2016, VOT2018 or VOT2019: {where}")
+    return lines

@@ -1,0 +1,70 @@
+"""Rows of numbers as regions: their corners and the rectangles around them.
+
+A region is a row of 4 numbers (x, y, w, h) or of 8 (the corners x1, y1, ... x4, y4), pixels. In an
+array of 8 columns a row whose last four are nan is a rectangle; a row of nan is no region.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssiam.evaluation.raster import Floats
+
+Numbers: TypeAlias = NDArray[np.floating[Any]]
+
+
+class Bounds(NamedTuple):
+    """Left, top, right, bottom; each (N,)."""
+
+    left: Numbers
+    top: Numbers
+    right: Numbers
+    bottom: Numbers
+
+
+def as_rows(regions: ArrayLike) -> Floats:
+    """Regions (N, 4) or (N, 8) as (N, 8), the last four of a rectangle nan."""
+    rows = np.asarray(regions, dtype=np.float64)
+    if rows.shape[1] == 8:
+        return rows
+    return np.pad(rows, ((0, 0), (0, 4)), constant_values=np.nan)
+
+
+def is_region(rows: Numbers) -> NDArray[np.bool_]:
+    """Rows (N, 4 or more) that hold a region at all: (N,) bool."""
+    return np.asarray(np.isfinite(rows[:, :4]).all(axis=1), dtype=np.bool_)
+
+
+def is_box(rows: Numbers) -> NDArray[np.bool_]:
+    """Rows (N, 8) whose last four are nan, rectangles and no regions: (N,) bool."""
+    return np.asarray(np.isnan(rows[:, 4:]).all(axis=1), dtype=np.bool_)
+
+
+def corners_of(rows: Numbers, extra: float = 0) -> Numbers:
+    """Corners (N, 4, 2); those of a rectangle lie at x and x + w - `extra`, y likewise."""
+    corners = rows.reshape(-1, 4, 2).copy()
+    box = is_box(rows)
+    x, y, w, h = rows[box, :4].T
+    right, bottom = x + w - extra, y + h - extra
+    corners[box] = np.stack([x, y, right, y, right, bottom, x, bottom], axis=-1).reshape(-1, 4, 2)
+    return corners
+
+
+def around(a: Bounds, b: Bounds) -> Bounds:
+    """The smallest bounds that hold both."""
+    low = (np.minimum(x, y) for x, y in zip(a[:2], b[:2], strict=True))
+    return Bounds(*low, *(np.maximum(x, y) for x, y in zip(a[2:], b[2:], strict=True)))
+
+
+def within(a: Bounds, b: Bounds) -> Bounds:
+    """What lies in both; left > right or top > bottom where nothing does."""
+    low = (np.maximum(x, y) for x, y in zip(a[:2], b[:2], strict=True))
+    return Bounds(*low, *(np.minimum(x, y) for x, y in zip(a[2:], b[2:], strict=True)))
+
+
+def is_flat(bounds: Bounds) -> NDArray[np.bool_]:
+    """Where nothing lies between left and right, or between top and bottom: (N,) bool."""
+    return (bounds.left >= bounds.right) | (bounds.top >= bounds.bottom)

@@ -1,0 +1,85 @@
+"""`Trajectory`: what a tracker said about the target in every frame of a sequence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.regions import is_region
+
+
+class Status(IntEnum):
+    """What happened in a frame; the numbers are those of the VOT files, but for TRACKED."""
+
+    SKIPPED = 0
+    INITIALIZED = 1
+    FAILED = 2
+    TRACKED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """One run of a tracker on one sequence.
+
+    Attributes
+    ----------
+    status : (N,) int8
+        A `Status` for every frame.
+    regions : (N, 4) or (N, 8) float64
+        x, y, w, h or the corners x1, y1, ... x4, y4; 0-based pixels, nan where the status is not
+        TRACKED. Among 8 columns a row whose last four are nan is a rectangle.
+    seconds : (N,) float64, optional
+        What each frame took.
+    """
+
+    status: NDArray[np.int8]
+    regions: NDArray[np.float64]
+    seconds: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.regions.ndim != 2 or self.regions.shape[1] not in (4, 8):
+            raise ArgumentError(
+                f"regions of the shape {self.regions.shape}: give (frames, 4) or (frames, 8)"
+            )
+        if self.status.shape != (len(self.regions),):
+            raise ArgumentError(f"{self.status.size} statuses for {len(self.regions)} regions")
+        if self.seconds is not None and self.seconds.shape != self.status.shape:
+            raise ArgumentError(f"{self.seconds.size} times for {len(self.regions)} regions")
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @classmethod
+    def of_boxes(cls, regions: ArrayLike, seconds: ArrayLike | None = None) -> Trajectory:
+        """A one-pass run: tracked wherever the region (N, 4) or (N, 8) is a number."""
+        rows = np.asarray(regions, dtype=np.float64)
+        known = is_region(rows)
+        status = np.where(known, Status.TRACKED, Status.SKIPPED).astype(np.int8)
+        times = None if seconds is None else np.asarray(seconds, dtype=np.float64)
+        return cls(status, np.where(known[:, None], rows, np.nan), times)
+
+    def first(self, count: int) -> Trajectory:
+        """The first `count` frames."""
+        seconds = None if self.seconds is None else self.seconds[:count]
+        return Trajectory(self.status[:count], self.regions[:count], seconds)
+
+    @property
+    def failures(self) -> NDArray[np.intp]:
+        """Indices of the frames in which the target was lost."""
+        return np.flatnonzero(self.status == Status.FAILED)
+
+    @property
+    def initializations(self) -> NDArray[np.intp]:
+        """Indices of the frames in which the tracker was started."""
+        return np.flatnonzero(self.status == Status.INITIALIZED)
+
+    def burning_in(self, frames: int) -> NDArray[np.bool_]:
+        """The `frames` frames from each start on, that start among them: (N,) bool."""
+        burning = np.zeros(len(self), dtype=np.bool_)
+        for start in self.initializations:
+            burning[start : start + frames] = True
+        return burning

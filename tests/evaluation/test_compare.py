@@ -1,0 +1,66 @@
+"""Paired comparisons: known differences, coverage of the interval, the same seed again."""
+
+import numpy as np
+import pytest
+
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.compare import paired_difference
+
+
+def named(values):
+    return {f"s{index}": float(value) for index, value in enumerate(values)}
+
+
+def test_a_constant_difference_has_no_width():
+    rng = np.random.default_rng(0)
+    values = rng.random(30)
+    found = paired_difference(named(values + 0.25), named(values))
+    assert (found.value, found.low, found.high) == pytest.approx((0.25, 0.25, 0.25))
+    assert (found.share_below_zero, found.sequences) == (0, 30)
+
+
+def test_swapping_the_two_turns_the_sign():
+    rng = np.random.default_rng(1)
+    a, b = named(rng.random(25)), named(rng.random(25))
+    there, back = paired_difference(a, b), paired_difference(b, a)
+    assert there.value == pytest.approx(-back.value)
+    assert (there.low, there.high) == pytest.approx((-back.high, -back.low))
+    assert there.share_below_zero == pytest.approx(1 - back.share_below_zero, abs=1e-3)
+
+
+def test_the_interval_is_that_of_the_mean():
+    values = np.random.default_rng(2).normal(0.1, 1, 400)
+    found = paired_difference(named(values), named(np.zeros(400)))
+    half = 1.96 * values.std() / 20
+    assert found.value == pytest.approx(values.mean())
+    assert found.high - found.low == pytest.approx(2 * half, rel=0.05)
+
+
+def test_sums_of_lost_targets():
+    found = paired_difference(named([3, 1, 0, 2]), named([1, 1, 1, 1]), over="sum")
+    assert found.value == 2
+    assert found.low <= 2 <= found.high
+    assert 0 < found.share_below_zero < 0.5
+
+
+def test_the_same_seed_gives_the_same_interval():
+    a, b = named(np.arange(10.0) ** 1.5), named(np.arange(10.0)[::-1])
+    assert paired_difference(a, b) == paired_difference(a, b)
+    assert paired_difference(a, b, seed=1) != paired_difference(a, b)
+
+
+def test_only_what_both_have_counts():
+    a = {"x": 1.0, "y": 2.0, "z": float("nan"), "mine": 9.0}
+    found = paired_difference(a, {"x": 0.0, "y": 1.0, "z": 0.0, "theirs": 9.0})
+    assert (found.value, found.sequences) == (1, 2)
+
+
+@pytest.mark.parametrize("other", [{}, {"b": 1.0}, {"a": float("nan")}])
+def test_nothing_in_common(other):
+    with pytest.raises(ArgumentError, match="no sequence in common"):
+        paired_difference({"a": 1.0}, other)
+
+
+def test_an_unknown_comparison():
+    with pytest.raises(ArgumentError, match="mean, sum"):
+        paired_difference({"a": 1.0}, {"a": 1.0}, over="median")

@@ -1,0 +1,220 @@
+"""Overlaps: what holds for every region, a drawing of the pixels one by one, golden numbers."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.overlap import centre_distance, iou, toolkit_overlap, vot_overlap
+
+BOUNDS = (64, 48)
+NAN = np.nan
+
+# Regions of some pixels, mostly within BOUNDS, some far outside.
+COORDINATES = st.floats(-40, 100, allow_nan=False, width=32)
+POLYGONS = arrays(np.float64, (1, 8), elements=COORDINATES)
+BOXES = st.tuples(st.floats(5, 30), st.floats(5, 20), st.floats(2, 25), st.floats(2, 20)).map(
+    lambda box: np.array([box])
+)
+BOTH = pytest.mark.parametrize("overlap", [vot_overlap, toolkit_overlap], ids=["pysot", "vot"])
+
+
+def corners(box):
+    x, y, w, h = box[0]
+    return np.array([[x, y, x + w, y, x + w, y + h, x, y + h]])
+
+
+@BOTH
+@settings(max_examples=50, deadline=None)
+@given(box=BOXES)
+def test_a_region_overlaps_itself_wholly(overlap, box):
+    assert overlap(box, box, BOUNDS) == 1
+    assert overlap(corners(box), corners(box), BOUNDS) == 1
+
+
+@BOTH
+@settings(max_examples=50, deadline=None)
+@given(a=POLYGONS, b=POLYGONS)
+def test_symmetric_and_between_0_and_1(overlap, a, b):
+    there, back = overlap(a, b, BOUNDS), overlap(b, a, BOUNDS)
+    np.testing.assert_array_equal(there, back)
+    assert np.isnan(there[0]) or 0 <= there[0] <= 1
+
+
+@BOTH
+@settings(max_examples=50, deadline=None)
+@given(a=BOXES, b=BOXES, dx=st.integers(-4, 8), dy=st.integers(-4, 8))
+def test_whole_pixels_of_shift_change_nothing(overlap, a, b, dx, dy):
+    wide = (200, 200)
+    # In 1/64 px, so that float32 holds the shifted numbers exactly; .5 to even is no shift.
+    a, b = (np.round(box * 64) / 64 + 1 / 128 for box in (a, b))
+    shift = np.array([dx, dy] * 4) + 20
+    there = overlap(corners(a) + 20, corners(b) + 20, wide)
+    np.testing.assert_array_equal(overlap(corners(a) + shift, corners(b) + shift, wide), there)
+
+
+def drawn(polygon, width, height, closed):
+    """The pixels of a polygon of whole numbers, row by row as the toolkits' pages tell it."""
+    polygon = polygon.astype(np.float64)
+    mask = np.zeros((height, width), bool)
+    for row in range(height):
+        nodes = []
+        for i in range(4):
+            (x, y), (px, py) = polygon[i], polygon[i - 1]
+            if not min(y, py) <= row <= max(y, py) or (y == py and not closed):
+                continue
+            nodes.append(int(x + (row - y) / (py - y) * (px - x)) if y != py else int(x))
+        nodes.sort()
+        i = 0
+        while i < len(nodes) - 1:
+            if nodes[i] == nodes[i + 1] and (not closed or i < len(nodes) - 2):
+                i += 1
+                continue
+            mask[row, max(nodes[i], 0) : max(nodes[i + 1] + 1, 0)] = True
+            i += 2
+    return mask
+
+
+def away_from_zero(values):
+    return np.sign(values) * np.floor(np.abs(values) + 0.5)
+
+
+@settings(max_examples=150, deadline=None)
+@given(a=POLYGONS, b=POLYGONS)
+def test_pysot_is_what_drawing_gives(a, b):
+    sides = [polygon.reshape(4, 2).astype(np.float32) for polygon in (a, b)]
+    low = [np.maximum(np.floor(p.min(axis=0)), 0) for p in sides]
+    high = [np.minimum(np.ceil(p.max(axis=0)), BOUNDS) for p in sides]
+    found = vot_overlap(a, b, BOUNDS)[0]
+    if any((end <= start).any() for start, end in zip(low, high, strict=True)):
+        return  # nothing of one is in the picture; the golden numbers have such
+    both = np.minimum(*high) - np.maximum(*low)
+    if both.prod() <= 0:
+        assert found == 0
+        return
+    corner = np.minimum(*low)
+    width, height = (np.maximum(*high) - corner).astype(int) + 1
+    masks = [drawn(away_from_zero(p - corner), width, height, closed=False) for p in sides]
+    covered = (masks[0] | masks[1]).sum()
+    if covered == 0:
+        assert np.isnan(found)
+    else:
+        assert found == pytest.approx((masks[0] & masks[1]).sum() / covered, abs=1e-6)
+
+
+@settings(max_examples=150, deadline=None)
+@given(a=POLYGONS, b=POLYGONS)
+def test_vot_toolkit_is_what_drawing_gives(a, b):
+    sides = [np.round(polygon.reshape(4, 2).astype(np.float32)) for polygon in (a, b)]
+    low = np.maximum(np.min([p.min(axis=0) for p in sides], axis=0), 0)
+    high = np.minimum(np.max([p.max(axis=0) for p in sides], axis=0), np.array(BOUNDS) - 1)
+    found = toolkit_overlap(a, b, BOUNDS)[0]
+    if (low >= high).any():
+        return
+    width, height = (high - low).astype(int) + 1
+    masks = [drawn(p - low, width, height, closed=True) for p in sides]
+    covered = (masks[0] | masks[1]).sum()
+    expected = (masks[0] & masks[1]).sum() / covered if covered else 0
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+PYSOT_CASES = [
+    # name, region, truth, bounds, overlap
+    ("no region", [NAN] * 4, [1, 1, 9, 9], BOUNDS, NAN),
+    ("no truth", [1, 1, 9, 9], [NAN] * 4, BOUNDS, NAN),
+    ("apart", [0, 0, 5, 5], [20, 20, 5, 5], BOUNDS, 0),
+    ("touching at a border", [0, 0, 5, 5], [5, 0, 5, 5], BOUNDS, 0),
+    ("half, borders drawn", [0, 0, 9, 9], [5, 0, 9, 9], BOUNDS, 50 / 150),
+    ("outside of the picture", [70, 0, 5, 5], [70, 0, 5, 5], BOUNDS, 0),
+    ("beyond the border, cut", [60, 0, 20, 9], [60, 0, 3, 9], BOUNDS, 4 / 5),
+    ("no bounds", [60, 0, 19, 9], [60, 0, 4, 9], None, 5 / 20),
+    ("a speck in a field", [0, 0, 60, 40], [3, 3, 1e-9, 1e-9], BOUNDS, 0),
+]
+
+
+@pytest.mark.parametrize(
+    ("region", "truth", "bounds", "expected"),
+    [pytest.param(*case[1:], id=case[0]) for case in PYSOT_CASES],
+)
+def test_pysot_cases(region, truth, bounds, expected):
+    found = vot_overlap([region], [truth], bounds)
+    np.testing.assert_allclose(found, [expected], atol=1e-6)
+
+
+TOOLKIT_CASES = [
+    # name, region, truth, overlap
+    ("nothing said", [NAN] * 4, [1, 1, 9, 9], 0),
+    ("nothing said of nothing", [NAN] * 4, [NAN] * 4, 1),
+    ("rectangle and polygon", [10, 10, 20, 20], [10, 10, 30, 10, 30, 30, 10, 30], 400 / 441),
+    ("rectangles", [10, 10, 20, 20], [20, 10, 20, 20], 200 / 600),
+    ("no height", [10, 10, 20, 0], [10, 10, 20, 20], 0),
+    ("one column, thin polygon", [10, 10, 10, 30, 10, 20, 10, 15], [8, 10, 5, 21], 21 / 105),
+]
+
+
+@pytest.mark.parametrize(
+    ("region", "truth", "expected"),
+    [pytest.param(*case[1:], id=case[0]) for case in TOOLKIT_CASES],
+)
+def test_toolkit_cases(region, truth, expected):
+    assert toolkit_overlap([region], [truth], BOUNDS) == pytest.approx(expected)
+
+
+@BOTH
+def test_rectangles_and_polygons_in_one_array(overlap):
+    box = [10, 10, 20, 15]
+    mixed = np.array([[*box, NAN, NAN, NAN, NAN], corners(np.array([box]))[0], [NAN] * 8])
+    alone = [
+        overlap([row[~np.isnan(row)]] if row[0] > 0 else [row], [box], BOUNDS) for row in mixed
+    ]
+    np.testing.assert_array_equal(overlap(mixed, [box] * 3, BOUNDS), np.concatenate(alone))
+
+
+@BOTH
+def test_no_frames(overlap):
+    assert overlap(np.zeros((0, 8)), np.zeros((0, 4)), BOUNDS).shape == (0,)
+
+
+def test_a_region_of_no_picture_is_refused():
+    with pytest.raises(ArgumentError, match="rows of pixels; give bounds"):
+        vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 1e7, 1e7]])
+    assert vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 10, 10]], BOUNDS)[0] < 0.05
+    assert toolkit_overlap([[-1e30, 0, 1e30, 1e30]], [[0, 0, 10, 10]], BOUNDS)[0] <= 1
+
+
+@pytest.mark.parametrize(
+    ("values", "other", "bounds"),
+    [
+        ("overlap_poly_bound_wh", "poly_b", (320, 240)),
+        ("overlap_rect_bound_wh", "rect_b", (320, 240)),
+        ("overlap_poly_bound_wm1_hm1", "poly_b", (319, 239)),
+        ("overlap_poly_nobound", "poly_b", None),
+    ],
+)
+def test_golden_numbers_of_pysot(shared, values, other, bounds):
+    data = np.load(shared("golden/vot_overlap.npz"))
+    found = vot_overlap(data["poly_a"], data[other], bounds)
+    np.testing.assert_allclose(found, data[values], atol=1e-6)
+
+
+IOU_CASES = [
+    # name, box, other, iou, distance of the centres
+    ("same", [1, 2, 3, 4], [1, 2, 3, 4], 1, 0),
+    ("half", [0, 0, 10, 10], [5, 0, 10, 10], 1 / 3, 5),
+    ("apart", [0, 0, 1, 1], [30, 40, 1, 1], 0, 50),
+    ("inside", [0, 0, 10, 10], [4, 4, 2, 2], 0.04, 0),
+    ("no area", [0, 0, 0, 0], [0, 0, 0, 0], 0, 0),
+    ("negative size", [5, 5, -5, -5], [0, 0, 10, 10], 0, np.hypot(2.5, 2.5)),
+    ("unknown", [NAN] * 4, [0, 0, 10, 10], NAN, NAN),
+]
+
+
+@pytest.mark.parametrize(
+    ("box", "other", "expected", "distance"),
+    [pytest.param(*case[1:], id=case[0]) for case in IOU_CASES],
+)
+def test_iou_and_distance(box, other, expected, distance):
+    np.testing.assert_allclose(iou([box], [other]), [expected])
+    np.testing.assert_allclose(centre_distance([box], [other]), [distance])

@@ -1,0 +1,181 @@
+"""A, R and EAO under pysot's conventions: by hand, golden numbers, and the authors' raw results."""
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from runs import SIZE, golden_runs, square, tracked, trajectory
+
+from ssiam.datasets import Sequence, open_dataset
+from ssiam.errors import ArgumentError
+from ssiam.evaluation import pysot
+from ssiam.evaluation.eao import INTERVALS, Fragment, Interval, expected_overlap, interval_of
+from ssiam.evaluation.tracked import TrackedSequence, read_results
+
+SHORT = Interval(5, 15)
+
+
+def scores(*sequences, interval=SHORT, tag="all"):
+    return pysot.scores([pysot.measured(each) for each in sequences], interval, tag)
+
+
+def test_the_truth_itself_is_perfect():
+    found = scores(tracked("i" + 29 * "t"))
+    assert (found.accuracy, found.robustness, found.eao) == (1, 0, 1)
+    assert (found.lost, found.frames) == (0, 30)
+
+
+RUNS = [
+    # name, codes, lost, robustness, fragments' lengths and whether they failed
+    ("never lost", "i" + 19 * "t", 0, 0, [(20, False)]),
+    ("lost once", "ittttx----i" + 9 * "t", 1, 5, [(11, True), (10, False)]),
+    ("lost in the last frames", "i" + 16 * "t" + "x--", 1, 5, [(20, False)]),
+    ("lost five frames before the end", "i" + 14 * "t" + "x----", 1, 5, [(20, True)]),
+    ("lost at once, twice", "ix----ix----i" + 7 * "t", 2, 10, [(7, True), (7, True), (8, False)]),
+]
+
+
+@pytest.mark.parametrize(
+    ("codes", "lost", "robustness", "lengths"),
+    [pytest.param(*case[1:], id=case[0]) for case in RUNS],
+)
+def test_fragments_run_from_start_to_start(codes, lost, robustness, lengths):
+    run = tracked(codes)
+    found = scores(run)
+    assert (found.lost, found.robustness, found.frames) == (lost, robustness, 20)
+    (one,) = pysot.measured(run).overlaps
+    fragments = list(pysot._fragments(one, np.ones(20, bool), 1.0))
+    assert [(len(each.overlaps), each.failed) for each in fragments] == lengths
+
+
+def test_burn_in_and_lost_frames_do_not_count_for_accuracy():
+    codes = "i" + 14 * "t" + "x----i" + 12 * "t"
+    (one,) = pysot.measured(tracked(codes, shift=2)).overlaps
+    assert np.flatnonzero(~np.isnan(one.accuracy)).tolist() == [10, 11, 12, 13, 14, 30, 31, 32]
+    assert np.isnan(one.eao[[0, 15, 16, 19, 20]]).all()
+
+
+def test_accuracy_is_the_mean_over_frames_not_over_sequences():
+    good, bad = tracked("i" + 109 * "t", "good"), tracked("i" + 19 * "t", "bad", shift=10)
+    low = pysot.measured(bad).accuracy
+    assert scores(good, bad).accuracy == pytest.approx((100 + 10 * low) / 110)
+
+
+def test_repetitions_count_as_one_run():
+    codes = "ittttx----i" + 19 * "t"
+    once, thrice = (scores(tracked(codes, shift=3, repetitions=count)) for count in (1, 3))
+    assert astuple(thrice) == pytest.approx(astuple(once))
+
+
+def test_repetitions_that_differ_are_averaged():
+    truth = square(30)
+    runs = tuple(trajectory(c + 24 * "t", truth, 1.0) for c in ("it" + 4 * "t", "ix----"))
+    sequence = Sequence("one", (), truth, size_wh=SIZE)
+    found = scores(TrackedSequence(sequence, runs))
+    assert (found.lost, found.robustness, found.frames) == (0.5, pytest.approx(50 / 30), 30)
+
+
+def test_a_tag_takes_the_frames_that_carry_it():
+    tags = {"camera_motion": np.arange(40) < 20, "occlusion": np.zeros(40, bool)}
+    run = tracked("i" + 14 * "t" + "x----i" + 19 * "t", shift=2, tags=tags)
+    moving, hidden, unknown = (
+        scores(run, tag=tag) for tag in ("camera_motion", "occlusion", "rain")
+    )
+    assert (moving.lost, moving.frames, moving.robustness) == (1, 20, 5)
+    # The fragment that failed has all of the tagged frames, and counts for more.
+    late = Interval(20, 20)
+    assert scores(run, interval=late, tag="camera_motion").eao < scores(run, interval=late).eao
+    assert hidden.frames == unknown.frames == 0
+    assert np.isnan([hidden.accuracy, hidden.robustness, hidden.eao]).all()
+
+
+def test_short_files_are_measured_as_far_as_they_go():
+    found = scores(tracked("i" + 24 * "t", length=40))
+    assert (found.frames, found.accuracy) == (25, 1)
+
+
+def test_too_short_for_the_interval():
+    assert np.isnan(scores(tracked("itttt"), interval=Interval(10, 20)).eao)
+
+
+def test_the_size_of_the_frames_must_be_known():
+    sequence = Sequence("bag", (), square(5))
+    with pytest.raises(ArgumentError, match="bag: the dataset does not tell the size"):
+        pysot.measured(TrackedSequence(sequence, (trajectory("itttt", square(5)),)))
+
+
+def test_the_curve_of_two_fragments():
+    fragments = [
+        Fragment(np.array([np.nan, 0.5, 0.5]), True, 1.0),
+        Fragment(np.array([1.0, 1.0, 1.0, 0.4]), False, 3.0),
+    ]
+    expected = [1, (0.5 + 3) / 4, (0.5 + 3) / 4, (1 / 3 + 3 * 0.8) / 4, 0.25]
+    np.testing.assert_allclose(expected_overlap(fragments, 5), expected)
+
+
+YEARS = [
+    ("VOT2018", None, (100, 356)),
+    ("VOT2017", None, (100, 356)),
+    ("vot-2016", None, (108, 371)),
+    ("my_vot2019_copy", None, (46, 291)),
+    ("sequences", 2019, (46, 291)),
+    ("VOT2018", 2016, (108, 371)),
+]
+
+
+@pytest.mark.parametrize(("name", "year", "interval"), YEARS)
+def test_the_interval_of_a_year(name, year, interval):
+    assert interval_of(name, year) == interval
+
+
+@pytest.mark.parametrize(("name", "year"), [("OTB100", None), ("VOT2021", None), ("VOT2018", 2012)])
+def test_a_year_that_cannot_be_told_is_asked_for(name, year):
+    with pytest.raises(ArgumentError, match="give --year") as caught:
+        interval_of(name, year)
+    assert str(year or name)[-4:] in str(caught.value)
+
+
+def test_golden_overlaps(shared):
+    data = np.load(shared("golden/vot_eval.npz"))
+    for run in golden_runs(data):
+        (one,) = pysot.measured(run).overlaps
+        for found, key in ((one.accuracy, "burnin10"), (one.eao, "eao")):
+            np.testing.assert_allclose(found, data[f"{run.name}_overlaps_{key}"], atol=1e-6)
+
+
+@pytest.mark.parametrize("year", [2016, 2018, 2019])
+def test_golden_scores(shared, year):
+    data = np.load(shared("golden/vot_eval.npz"))
+    found = scores(*golden_runs(data), interval=INTERVALS[year])
+    values = [found.accuracy, found.robustness, found.eao, found.lost, found.frames]
+    np.testing.assert_allclose(values, data[f"VOT{year}"], atol=1e-6)
+
+
+PUBLISHED = [
+    # folder, A, R, EAO, lost: the table of SiamMask_E's authors, VOT2018
+    ("model_SiamRPN", 0.601, 0.234, 0.4154, 50),
+    ("model_SiamMask", 0.598, 0.248, 0.4063, 53),
+    ("model_SiamMask_E", 0.627, 0.248, 0.4266, 53),
+    ("model_SiamMask_E_ref", 0.655, 0.253, 0.4457, 54),
+]
+
+
+@pytest.fixture(scope="module")
+def vot2018():
+    from conftest import SHARED
+
+    path = SHARED / "data" / "vot" / "VOT2018.json"
+    if not path.exists():
+        pytest.skip(f"{path} is absent (set SSIAM_SHARED to the folder of the test data)")
+    return list(open_dataset(path).sequences.values())
+
+
+@pytest.mark.parametrize(("folder", "accuracy", "robustness", "eao", "lost"), PUBLISHED)
+def test_published_figures_of_raw_results(shared, vot2018, folder, accuracy, robustness, eao, lost):
+    results = read_results(shared(f"data/vot/results/VOT2018/{folder}"), vot2018)
+    assert results.notes == ()
+    found = scores(*results.tracked, interval=INTERVALS[2018])
+    assert found.accuracy == pytest.approx(accuracy, abs=0.002)
+    assert round(found.robustness, 3) == robustness
+    assert found.eao == pytest.approx(eao, abs=0.001)
+    assert (found.lost, found.frames) == (lost, 21356)
