@@ -20,9 +20,9 @@ import numpy as np
 
 import ssiam
 from motion_clips import Clip, corner_distances, drawn_clips, shaken
-from shared_data import SEQUENCES, WEIGHTS, overlap, read_sequence, success
+from shared_data import WEIGHTS, sequences
+from ssiam.evaluation.success import success
 from ssiam.motion import KEYPOINTS, KeypointName
-from ssiam.video import open_source
 
 LONGEST = 200
 SHAKE = "3 %"
@@ -53,18 +53,17 @@ def tracked(config: ssiam.StabilizerConfig | str, clips: Sequence[Clip]) -> floa
     for clip in clips:
         tracker.init(clip.frames[0], clip.boxes[0])
         found = [clip.boxes[0]] + [tracker.update(frame).box for frame in clip.frames[1:]]
-        values.append(success(overlap(np.array(found), clip.boxes)))
+        values.append(success(found, clip.boxes).auc)
     return float(np.mean(values))
 
 
 def real() -> list[Clip]:
     """The sequences, as they are."""
     clips = []
-    for name in sorted(path.name for path in SEQUENCES.iterdir()):
-        sequence = read_sequence(name)
-        with open_source(sequence.frames) as source:
-            frames = np.stack([frame.image for frame in islice(source, LONGEST)])
-        clips.append(Clip("real", "unshaken", name, frames, sequence.boxes[: len(frames)]))
+    for name, sequence in sequences().items():
+        frames = np.stack(list(islice(sequence.images(), LONGEST)))
+        boxes = np.array([sequence.box(index) for index in range(len(frames))])
+        clips.append(Clip("real", "unshaken", name, frames, boxes))
     return clips
 
 

@@ -16,9 +16,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from shared_data import SEQUENCES, SHARED, read_sequence
+from shared_data import SHARED, sequences
 from ssiam.geometry import corners_from_xywh, frame_centre, map_box, map_points, rigid
-from ssiam.video import open_source
 
 REAL = "real"
 UNSHAKEN = "unshaken"
@@ -121,13 +120,10 @@ def drawn_clips(
 
 def real_clips(count: int) -> Iterator[Clip]:
     """Every sequence as it is, and after it under each shake; the same at every run."""
-    if not SEQUENCES.is_dir():
-        raise SystemExit(f"{SEQUENCES} is absent: set SSIAM_SHARED to the folder of the test data")
-    for name in sorted(path.name for path in SEQUENCES.iterdir()):
-        sequence = read_sequence(name)
-        with open_source(sequence.frames) as source:
-            frames = np.stack([frame.image for frame in islice(source, count)])
-        plain = Clip(REAL, UNSHAKEN, name, frames, sequence.boxes[: len(frames)])
+    for name, sequence in sequences().items():
+        frames = np.stack(list(islice(sequence.images(), count)))
+        boxes = np.array([sequence.box(index) for index in range(len(frames))])
+        plain = Clip(REAL, UNSHAKEN, name, frames, boxes)
         yield plain
         for shake in SHAKES:
             yield shaken(plain, shake)

@@ -18,21 +18,19 @@ import tempfile
 import threading
 import time
 from contextlib import ExitStack
+from itertools import islice
 from pathlib import Path
 
 import psutil
 
-from shared_data import SEQUENCES, WEIGHTS
+from shared_data import WEIGHTS, sequences
 
 LONGEST = 100  # frames of a sequence
 
 
 def shortened(folder: Path, count: int | None = None) -> Path:
     """The first sequences in OTB's layout, at most `LONGEST` frames of each."""
-    from ssiam.datasets import open_dataset
-
-    for name in sorted(open_dataset(SEQUENCES).sequences)[:count]:
-        sequence = open_dataset(SEQUENCES).sequences[name]
+    for name, sequence in islice(sequences().items(), count):
         images = folder / name / "img"
         images.mkdir(parents=True)
         lines = []

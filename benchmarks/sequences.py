@@ -17,7 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from shared_data import VIDEOS, WEIGHTS, overlap, read_sequence, success
+from shared_data import VIDEOS, WEIGHTS, sequences
+from ssiam.datasets import Sequence
+from ssiam.evaluation.overlap import iou
+from ssiam.evaluation.success import success
 
 SEQUENCES = ("Couple", "Jumping", "bag_vot2015", "dtb70_MountainBike6")
 TRACKERS = ("csrt", "kcf", "nanotrack_v2", "nanotrack_v3")
@@ -41,6 +44,12 @@ def track(
             return list(csv.DictReader(file))
 
 
+def folder(sequence: Sequence) -> Path:
+    """Where the sequence's images lie."""
+    assert isinstance(sequence.frames, tuple)
+    return sequence.frames[0].parent
+
+
 def boxes(rows: list[dict[str, str]]) -> np.ndarray:
     """Boxes (N, 4) of the rows."""
     return np.array([[float(row[key]) for key in "xywh"] for row in rows])
@@ -51,17 +60,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--as-published", action="store_true", help="OTB's boxes as they stand")
     as_published = parser.parse_args().as_published
+    real = sequences(as_published=as_published)
     head = [f"{t} {m}" for t in TRACKERS for m in METHODS]
     print("| sequence | " + " | ".join(head) + " |")
     print("|---" * (len(head) + 1) + "|")
     for name in SEQUENCES:
-        sequence = read_sequence(name, as_published=as_published)
+        sequence = real[name]
+        truth = np.array([sequence.box(index) for index in range(len(sequence))])
         cells = []
         for tracker in TRACKERS:
             for stabilize in METHODS:
-                rows = track(sequence.frames, tuple(sequence.boxes[0]), tracker, stabilize)
-                overlaps = overlap(boxes(rows), sequence.boxes)
-                cells.append(f"{overlaps.mean():.3f} ({success(overlaps):.3f})")
+                found = boxes(track(folder(sequence), tuple(truth[0]), tracker, stabilize))
+                overlaps = iou(found, truth)
+                cells.append(f"{overlaps.mean():.3f} ({success(found, truth).auc:.3f})")
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
     cells = []
     for tracker in TRACKERS:

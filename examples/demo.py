@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ssiam
+from ssiam.evaluation.overlap import iou
 from ssiam.video import PathPlot, VideoSink, draw_tracks, open_source, side_by_side
 
 HERE = Path(__file__).resolve().parent
@@ -79,7 +80,7 @@ def follow(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: Path
                 view = ssiam.FrameView(picture, track.stab_from_raw, config.border)
                 picture = side_by_side(picture, view.render())
             video.write(picture, frame.time)
-    return Run(config.stabilize, np.array(boxes), overlap(np.array(boxes), truth))
+    return Run(config.stabilize, np.array(boxes), iou(boxes, truth))
 
 
 def verdict(run: Run) -> str:
@@ -89,14 +90,6 @@ def verdict(run: Run) -> str:
         f"stabilize={run.stabilize:6} held the walker in {held:3d} of {len(run.overlaps)} frames, "
         f"mean overlap {run.overlaps.mean():.2f}"
     )
-
-
-def overlap(xywh: NDArray[np.float64], true_xywh: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Intersection over union of boxes (N, 4), row by row."""
-    top_left = np.maximum(xywh[:, :2], true_xywh[:, :2])
-    bottom_right = np.minimum(xywh[:, :2] + xywh[:, 2:], true_xywh[:, :2] + true_xywh[:, 2:])
-    shared = np.clip(bottom_right - top_left, 0, None).prod(axis=1)
-    return np.asarray(shared / (xywh[:, 2:].prod(axis=1) + true_xywh[:, 2:].prod(axis=1) - shared))
 
 
 def sheet(runs: Sequence[Run], truth: NDArray[np.float64], path: Path) -> None:

@@ -181,7 +181,33 @@ def test_a_region_of_no_picture_is_refused():
     with pytest.raises(ArgumentError, match="rows of pixels; give bounds"):
         vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 1e7, 1e7]])
     assert vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 10, 10]], BOUNDS)[0] < 0.05
-    assert toolkit_overlap([[-1e30, 0, 1e30, 1e30]], [[0, 0, 10, 10]], BOUNDS)[0] <= 1
+
+
+@BOTH
+@pytest.mark.parametrize("far", [1e30, 1e300, -1e300])
+def test_numbers_far_from_any_picture(overlap, far):
+    with np.errstate(all="raise", under="ignore"):
+        found = overlap([[-far, 0, far, far], [0, 0, far, 9]], [[0, 0, 10, 10]] * 2, BOUNDS)
+    assert ((found >= 0) & (found <= 1)).all()
+
+
+@BOTH
+def test_half_a_polygon_is_no_region(overlap):
+    broken = [[1, 1, 9, 1, NAN, 9, 1, 9]]
+    np.testing.assert_array_equal(
+        overlap(broken, [[1, 1, 8, 8]], BOUNDS), overlap([[NAN] * 8], [[1, 1, 8, 8]], BOUNDS)
+    )
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("regions", "words"),
+    [(np.zeros((3, 4)), "3 regions for a truth of 2"), (np.zeros((2, 6)), "shape (2, 6)")],
+)
+def test_arrays_that_do_not_belong_together(overlap, regions, words):
+    with pytest.raises(ArgumentError) as caught:
+        overlap(regions, np.zeros((2, 4)), BOUNDS)
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
+from ssiam.datasets import Sequence as Truth
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.eao import interval_of
 from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.one_pass import holds_one_pass, one_pass, one_pass_table
 from ssiam.evaluation.report import (
     Comparison,
     TrackerReport,
@@ -36,15 +38,15 @@ def evaluate(
     *,
     dataset: Path,
     year: int | None = None,
-    experiment: Literal["baseline", "realtime"] = "baseline",
+    experiment: Literal["baseline", "realtime", "ope"] = "baseline",
     compare: Annotated[bool, Parameter(negative=())] = False,
     json_output: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> None:
-    """Accuracy, robustness and EAO of raw VOT results.
+    """Accuracy, robustness and EAO of raw VOT results, or success of one-pass results.
 
-    Printed twice, for the numbers differ: as pysot-toolkit computes them, whose robustness is
-    lost targets per 100 frames and stands in most papers' tables, and as the official vot-toolkit
-    0.7.4 does, whose robustness is lost targets per sequence.
+    A, R and EAO are printed twice, for the numbers differ: as pysot-toolkit computes them, whose
+    robustness is lost targets per 100 frames and stands in most papers' tables, and as the
+    official vot-toolkit 0.7.4 does, whose robustness is lost targets per sequence.
 
     Parameters
     ----------
@@ -57,14 +59,21 @@ def evaluate(
         Year of VOT whose lengths of sequences EAO is taken over; by default the one in the
         dataset's name.
     experiment
-        Which runs: baseline or realtime.
+        Which runs: baseline or realtime (supervised, as in VOT), or ope: one pass, with the
+        measures of OTB, LaSOT and GOT-10k. One-pass results are SEQUENCE.txt (1-based boxes),
+        or lie as GOT-10k's and VOT's do.
     compare
         Compare each of several trackers with the first, sequence by sequence.
     json_output
         Print JSON instead of tables.
     """
-    folders = _trackers(results, experiment)
     opened = open_dataset(dataset)
+    if experiment == "ope":
+        if compare:
+            raise ArgumentError("--compare is for supervised runs; leave it out with ope")
+        _one_pass(results, list(opened.sequences.values()), json_output)
+        return
+    folders = _trackers(results, experiment)
     interval = interval_of(opened.name, year)
     if compare and len(folders) == 1:
         raise ArgumentError(f"{results}: --compare needs the results of several trackers")
@@ -78,6 +87,30 @@ def evaluate(
         print(json.dumps(_document(reports, comparisons), allow_nan=False))
     else:
         _show(reports, comparisons)
+
+
+def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> None:
+    if not results.is_dir():
+        raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
+    inside = sorted(path for path in results.iterdir() if path.is_dir() and holds_one_pass(path))
+    direct = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
+        (results / each.name).is_dir() for each in sequences
+    )
+    alone = direct or (results / "ope").is_dir() or (results / "unsupervised").is_dir()
+    reports = [one_pass(folder, sequences) for folder in ([results] if alone else inside)]
+    if not reports:
+        raise ResultsError(f"{results}: neither it nor a folder in it holds one-pass results")
+    for each in reports:
+        _complain(each.notes)
+    if json_output:
+        found = {each.name: each.as_dict() for each in reports}
+        print(json.dumps(reports[0].as_dict() if alone else {"trackers": found}))
+    else:
+        _console().print(one_pass_table(reports))
+
+
+def _console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else _FILE_WIDTH)
 
 
 def _trackers(results: Path, experiment: str) -> list[Path]:
@@ -96,7 +129,7 @@ def _trackers(results: Path, experiment: str) -> list[Path]:
 
 def _complain(notes: Sequence[str]) -> None:
     for note in notes:
-        print(f"ssiam: {note}", file=sys.stderr)
+        print(f"ssiam: {' '.join(note.split())}", file=sys.stderr)
 
 
 def _document(
@@ -111,7 +144,7 @@ def _document(
 
 
 def _show(reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]) -> None:
-    console = Console(width=None if sys.stdout.isatty() else _FILE_WIDTH)
+    console = _console()
     console.print(scores_table(reports))
     if any(each.by_tag for each in reports):
         console.print(tags_table(reports))

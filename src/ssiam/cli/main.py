@@ -29,6 +29,8 @@ app = App(
 app.command("ssiam.cli.track:track", name="track")
 app.command("ssiam.cli.bench:bench", name="bench")
 app.command("ssiam.cli.eval:evaluate", name="eval")
+app.command("ssiam.cli.tables:tables", name="tables")
+app.command("ssiam.cli.tune:tune", name="tune")
 app.command("ssiam.cli.trax:trax", name="trax")
 app.command("ssiam.cli.vot_workspace:vot_workspace", name="vot-workspace")
 

@@ -86,8 +86,8 @@ def _weights(text: str) -> tuple[str, Path]:
 
 def _tell(folder: Path, labels: Sequence[str], sequences: int) -> None:
     """Print what to type next."""
-    fetched = "the sequences are fetched by the toolkit at its first start"
-    print(f"{folder}: {len(labels)} trackers, {f'{sequences} sequences' if sequences else fetched}")
+    count = str(sequences) if sequences else "to be fetched by the toolkit"
+    print(f"{folder}: trackers: {len(labels)}, sequences: {count}")
     print(f"next, in an environment of its own with {_TOOLKIT}:")
     print(f"  cd {shlex.quote(str(folder))}")
     print(f"  vot evaluate {' '.join(labels)}")

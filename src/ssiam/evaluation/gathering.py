@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from collections.abc import Sequence as List
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,7 @@ from ssiam.evaluation.tracked import TrackedSequence, read_results
 from ssiam.stabilize import StabilizerConfig
 
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
+_LISTED: Final = 4  # names in a note
 _READ: Final = {"int": int, "float": float}  # by the type of a field of StabilizerConfig
 
 
@@ -30,8 +32,9 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     Parameters
     ----------
     results : Path
-        Holds ``<label>/baseline/<sequence>/<sequence>_001.txt``, one-pass runs in
-        ``unsupervised`` in place of ``baseline``, and ``<label>/times/<experiment>/<sequence>.txt``.
+        Holds ``<label>/baseline/<sequence>/<sequence>_001.txt`` and
+        ``<label>/times/baseline/<sequence>.txt``; one-pass runs have ``unsupervised`` in place
+        of ``baseline``.
     dataset : Dataset
 
     Raises
@@ -47,7 +50,7 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     sequences = {name: _sized(each, year, notes) for name, each in dataset.sequences.items()}
     entries = [_summary(folder, sequences, year, notes) for folder in folders]
     found = [each for each in entries if each.supervised or each.one_pass]
-    if found and not any(each.one_pass for each in found):
+    if found and year is None and not any(each.one_pass for each in found):
         notes.append(f"{dataset.name}: no one-pass runs (ssiam bench ... --protocol ope)")
     return Summaries(dataset.name, year, sequences, found, notes)
 
@@ -120,7 +123,7 @@ def _runs(
     if found and missing:
         notes.append(
             f"{folder.name}: no {experiment} results of {len(missing)} of {len(sequences)} "
-            f"sequences: {', '.join(missing)}"
+            f"sequences: {_listed(missing)}"
         )
     return found
 
@@ -140,7 +143,7 @@ def _fps(folder: Path, runs: Iterable[str], notes: list[str]) -> float:
             continue
         frames, seconds = frames + len(times), seconds + sum(times)
     if untold:
-        notes.append(f"{folder}: no times of {', '.join(untold)}")
+        notes.append(f"{folder}: no times of {_listed(untold)}")
     return frames / seconds if seconds else float("nan")
 
 
@@ -162,3 +165,8 @@ def _sized(sequence: Sequence, year: int | None, notes: list[str]) -> Sequence:
         notes.append(f"{error}; without the size of its frames there is no A, R and EAO")
         return sequence
     return replace(sequence, size_wh=(width, height))
+
+
+def _listed(names: List[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(names[:_LISTED]) + more

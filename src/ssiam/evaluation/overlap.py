@@ -13,16 +13,18 @@ from ssiam.evaluation.regions import (
     Bounds,
     Numbers,
     around,
-    as_rows,
     corners_of,
     is_box,
     is_flat,
     is_region,
+    paired_rows,
     within,
 )
 
 # Ratio of two areas below which pysot calls the overlap 0 without looking.
 _NEGLIGIBLE = 1e-10
+# Pixels: a row above every window.
+_ABOVE = -1e9
 
 
 def vot_overlap(
@@ -48,9 +50,10 @@ def vot_overlap(
     Raises
     ------
     ArgumentError
-        A region is larger than any picture and no bounds are given.
+        The arrays do not belong together, or a region is larger than any picture and no bounds
+        are given.
     """
-    rows, other_rows = as_rows(regions), as_rows(truth)
+    rows, other_rows = paired_rows(regions, truth)
     known = np.flatnonzero(is_region(rows) & is_region(other_rows))
     overlap = np.full(len(rows), np.nan)
     overlap[known] = _pysot(corners_of(rows[known]), corners_of(other_rows[known]), bounds)
@@ -66,7 +69,7 @@ def toolkit_overlap(regions: ArrayLike, truth: ArrayLike, bounds: tuple[int, int
 
     `regions`, `truth`: (N, 4) or (N, 8), pixels. `bounds`: width and height of the frame.
     """
-    rows, other_rows = (np.round(as_rows(each).astype(np.float32)) for each in (regions, truth))
+    rows, other_rows = (np.round(each.astype(np.float32)) for each in paired_rows(regions, truth))
     first, second = _toolkit_bounds(rows), _toolkit_bounds(other_rows)
     union = around(first, second)
     window = within(union, _limits(0, 0, bounds[0] - 1, bounds[1] - 1))
@@ -168,5 +171,5 @@ def _toolkit_corners(rows: Numbers) -> Floats:
     """First and last pixels; of what covers none, corners above every row."""
     corners = corners_of(rows, extra=1).astype(np.float64)
     empty = ~is_region(rows) | (is_box(rows) & ~(rows[:, 2:4] >= 1).all(axis=1))
-    corners[empty] = -np.inf
+    corners[empty] = _ABOVE
     return corners

@@ -42,7 +42,7 @@ _CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
 _TRACKERS: Final = {
     "SiamFC": "github.com/huanglianghua/siamfc-pytorch",
     "SiamRPN++": "github.com/STVIR/pysot (siamrpn_r50_l234_dwxcorr)",
-    "SiamMask_E": "github.com/STVIR/pysot (siammask_r50_l3); its box: github.com/baoxinchen/siammask_e",
+    "SiamMask_E": "github.com/STVIR/pysot (siammask_r50_l3) with github.com/baoxinchen/siammask_e",
 }
 # Years of VOT that a table needs; of Tables 2 and 3 the year is not known.
 _YEARS: Final[dict[PresetName, tuple[int, ...]]] = {

@@ -35,7 +35,8 @@ class Published:
     fps : float, optional
         Frames a second, on the source's own machine.
     label : str
-        `ssiam.evaluation.entries.Entry.label` of the same tracker here; empty if there is none.
+        Name of the folder in which results of the same tracker lie: `Entry.label` of this
+        package's, that of siammask_e's raw results; empty if neither has any.
     """
 
     tracker: str
@@ -68,18 +69,24 @@ ROWS: Final = (
     Published("S-SiamRPN++", 2019, "paper", None, None, None, 89, 23),
     Published("SiamMask_E", 2019, "paper", None, None, None, 99, 55),
     Published("S-SiamMask_E", 2019, "paper", None, None, 0.309, 95, 33),
-    Published("SiamRPN++", 2016, "siammask_e", 0.642, 0.196, 0.464, 42, 46),
-    Published("SiamMask", 2016, "siammask_e", 0.621, 0.214, 0.436, 46, 87),
-    Published("SiamMask_E", 2016, "siammask_e", 0.645, 0.210, 0.452, 45, 85),
-    Published("SiamMask_E_Ref", 2016, "siammask_e", 0.677, 0.224, 0.466, 48, 80),
-    Published("SiamRPN++", 2018, "siammask_e", 0.601, 0.234, 0.415, 50, 46),
-    Published("SiamMask", 2018, "siammask_e", 0.598, 0.248, 0.406, 53, 87),
-    Published("SiamMask_E", 2018, "siammask_e", 0.627, 0.248, 0.427, 53, 85),
-    Published("SiamMask_E_Ref", 2018, "siammask_e", 0.655, 0.253, 0.446, 54, 80),
-    Published("SiamRPN++", 2019, "siammask_e", 0.595, 0.467, 0.287, 93, 46),
-    Published("SiamMask", 2019, "siammask_e", 0.596, 0.467, 0.283, 93, 87),
-    Published("SiamMask_E", 2019, "siammask_e", 0.625, 0.482, 0.298, 96, 85),
-    Published("SiamMask_E_Ref", 2019, "siammask_e", 0.652, 0.487, 0.309, 97, 80),
+    Published("SiamRPN++", 2016, "siammask_e", 0.642, 0.196, 0.464, 42, 46, "model_SiamRPN"),
+    Published("SiamMask", 2016, "siammask_e", 0.621, 0.214, 0.436, 46, 87, "model_SiamMask"),
+    Published("SiamMask_E", 2016, "siammask_e", 0.645, 0.210, 0.452, 45, 85, "model_SiamMask_E"),
+    Published(
+        "SiamMask_E_Ref", 2016, "siammask_e", 0.677, 0.224, 0.466, 48, 80, "model_SiamMask_E_ref"
+    ),
+    Published("SiamRPN++", 2018, "siammask_e", 0.601, 0.234, 0.415, 50, 46, "model_SiamRPN"),
+    Published("SiamMask", 2018, "siammask_e", 0.598, 0.248, 0.406, 53, 87, "model_SiamMask"),
+    Published("SiamMask_E", 2018, "siammask_e", 0.627, 0.248, 0.427, 53, 85, "model_SiamMask_E"),
+    Published(
+        "SiamMask_E_Ref", 2018, "siammask_e", 0.655, 0.253, 0.446, 54, 80, "model_SiamMask_E_ref"
+    ),
+    Published("SiamRPN++", 2019, "siammask_e", 0.595, 0.467, 0.287, 93, 46, "model_SiamRPN"),
+    Published("SiamMask", 2019, "siammask_e", 0.596, 0.467, 0.283, 93, 87, "model_SiamMask"),
+    Published("SiamMask_E", 2019, "siammask_e", 0.625, 0.482, 0.298, 96, 85, "model_SiamMask_E"),
+    Published(
+        "SiamMask_E_Ref", 2019, "siammask_e", 0.652, 0.487, 0.309, 97, 80, "model_SiamMask_E_ref"
+    ),
     Published("siamrpn_alex_dwxcorr", 2016, "pysot", 0.618, 0.238, 0.393, None, 180),
     Published("siamrpn_r50_l234_dwxcorr", 2016, "pysot", 0.642, 0.196, 0.464, None, 35),
     Published("siamrpn_mobilev2_l234_dwxcorr", 2016, "pysot", 0.624, 0.214, 0.455, None, 75),

@@ -21,8 +21,8 @@ Floats: TypeAlias = NDArray[np.float64]
 _MAX_ROWS = 65_536
 # Rows that are counted in one go: their arrays fit a processor's cache.
 _BATCH_ROWS = 16_384
-# Pixels: a place no window reaches, and the place where corners beyond it are moved to.
-_NOWHERE, _FAR = 1e10, 1e8
+# Pixels: a column that no corner reaches.
+_NOWHERE = 1e10
 
 
 class _Runs(NamedTuple):
@@ -62,10 +62,7 @@ def count_pixels(
     for batch in _batches(height):
         rows = np.arange(height[batch].max())[None]
         size = width[batch, None], height[batch, None]
-        runs, other_runs = (
-            _runs(np.clip(quads[batch], -_FAR, _FAR), rows, *size, closed)
-            for quads in (corners, others)
-        )
+        runs, other_runs = (_runs(quads[batch], rows, *size, closed) for quads in (corners, others))
         shared[batch] = _shared(runs, other_runs)
         covered[batch] = _area(runs) + _area(other_runs) - shared[batch]
     return shared, covered

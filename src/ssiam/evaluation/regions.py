@@ -11,7 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssiam.errors import ArgumentError
 from ssiam.evaluation.raster import Floats
+
+# Pixels: farther than any picture, and what float32 still tells in steps of 8.
+_FAR = 1e8
 
 Numbers: TypeAlias = NDArray[np.floating[Any]]
 
@@ -26,16 +30,37 @@ class Bounds(NamedTuple):
 
 
 def as_rows(regions: ArrayLike) -> Floats:
-    """Regions (N, 4) or (N, 8) as (N, 8), the last four of a rectangle nan."""
+    """Regions (N, 4) or (N, 8) as (N, 8), the last four of a rectangle nan.
+
+    Numbers that no picture reaches are brought nearer, for float32 has no room for them.
+
+    Raises
+    ------
+    ArgumentError
+        The array has another shape.
+    """
     rows = np.asarray(regions, dtype=np.float64)
-    if rows.shape[1] == 8:
-        return rows
-    return np.pad(rows, ((0, 0), (0, 4)), constant_values=np.nan)
+    if rows.ndim != 2 or rows.shape[1] not in (4, 8):
+        raise ArgumentError(
+            f"regions of the shape {rows.shape}: give (frames, 4) or (frames, 8) numbers"
+        )
+    padded = np.pad(rows, ((0, 0), (0, 8 - rows.shape[1])), constant_values=np.nan)
+    return np.clip(padded, -_FAR, _FAR)
+
+
+def paired_rows(regions: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats]:
+    """Both `as_rows`; `ArgumentError` if one has more frames."""
+    rows, other_rows = as_rows(regions), as_rows(truth)
+    if len(rows) != len(other_rows):
+        raise ArgumentError(f"{len(rows)} regions for a truth of {len(other_rows)} frames")
+    return rows, other_rows
 
 
 def is_region(rows: Numbers) -> NDArray[np.bool_]:
-    """Rows (N, 4 or more) that hold a region at all: (N,) bool."""
-    return np.asarray(np.isfinite(rows[:, :4]).all(axis=1), dtype=np.bool_)
+    """Rows (N, 4) or (N, 8) that hold a region at all: (N,) bool."""
+    known = np.isfinite(rows)
+    whole = known[:, 4:].all(axis=1) | np.isnan(rows[:, 4:]).all(axis=1)
+    return np.asarray(known[:, :4].all(axis=1) & whole, dtype=np.bool_)
 
 
 def is_box(rows: Numbers) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from ssiam.evaluation import pysot, vot_toolkit
@@ -109,7 +110,7 @@ def scores_table(reports: Iterable[TrackerReport]) -> Table:
     for each in reports:
         official = each.vot_toolkit
         cells = *_cells(each.pysot), *_cells(official)[:3]
-        table.add_row(each.name, *cells)
+        table.add_row(escape(each.name), *cells)
     return table
 
 
@@ -120,7 +121,7 @@ def tags_table(reports: Iterable[TrackerReport]) -> Table:
         table.add_column(column, justify="right")
     for each in reports:
         for tag, found in each.by_tag.items():
-            table.add_row(each.name, tag, *_cells(found), str(found.frames))
+            table.add_row(escape(each.name), escape(tag), *_cells(found), str(found.frames))
         table.add_section()
     return table
 
@@ -132,8 +133,8 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
         table.add_column(column, justify="right")
     for each in comparisons:
         table.add_row(
-            each.name,
-            each.reference,
+            escape(each.name),
+            escape(each.reference),
             *_difference_cells(each.accuracy, 3),
             *_difference_cells(each.lost, 1),
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence as List
+from collections.abc import Mapping
+from collections.abc import Sequence as List
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -68,7 +68,9 @@ def published_table(years: Iterable[int]) -> Table:
         for each in ROWS
         if each.source == "paper" and each.year in wanted
     ]
-    return Table("Table 1 as the paper has it", ("dataset", "tracker", "steadied", *_VOT_HEAD), rows)
+    return Table(
+        "Table 1 as the paper has it", ("dataset", "tracker", "steadied", *_VOT_HEAD), rows
+    )
 
 
 def table2(found: Summaries) -> Table:
@@ -116,8 +118,8 @@ def table4(found: Summaries) -> Table:
     head = ("sequence", *(each.label for each in chosen), "paper: Original")
     if not original:
         head, rows = head[:-1], [row[:-1] for row in rows]
-    left_out = len(found.sequences) - len(shown)
-    notes = [f"{left_out} sequences in which no run lost its target are left out."]
+    left_out = f"{len(found.sequences) - len(shown)} of {len(found.sequences)} sequences"
+    notes = [f"Left out, because no run lost its target there: {left_out}."]
     return Table(f"Table 4: lost targets, {found.dataset}", head, rows, notes)
 
 

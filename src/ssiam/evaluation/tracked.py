@@ -77,7 +77,7 @@ def read_results(
     if not tracked:
         example = vot_path(Path(), "<sequence>", experiment=experiment)
         raise ResultsError(f"{folder}: holds no results of the dataset; they lie in {example}")
-    return TrackerResults(folder.resolve().name, tuple(tracked), tuple(notes))
+    return TrackerResults(folder.name or folder.resolve().name, tuple(tracked), tuple(notes))
 
 
 def _fitted(path: Path, length: int, notes: list[str]) -> Trajectory:

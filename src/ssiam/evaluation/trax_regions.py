@@ -13,12 +13,21 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, area_preserving_xywh, corners_from_xywh
 from ssiam.trackers import Track
 
 
 def start_box(region: Any) -> XYWH:
-    """The upright box (x, y, w, h), pixels, of a `trax.Rectangle` or a `trax.Polygon`."""
+    """The upright box (x, y, w, h), pixels, of a `trax.Rectangle` or a `trax.Polygon`.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither.
+    """
+    if region.type not in ("rectangle", "polygon"):
+        raise ArgumentError(f"a target of the kind {region.type!r}: give a rectangle or a polygon")
     if _is_rectangle(region):
         x, y, w, h = region.bounds()
         return x, y, w, h

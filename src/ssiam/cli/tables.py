@@ -1,0 +1,92 @@
+"""`ssiam tables`: the paper's tables and figures from the results of `ssiam bench`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+from cyclopts import Parameter
+
+from ssiam.datasets import open_dataset
+from ssiam.evaluation.canvas import check_matplotlib
+from ssiam.evaluation.figures import Figure
+from ssiam.evaluation.figures import figures as drawn_figures
+from ssiam.evaluation.gathering import summarize
+from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.summaries import Summaries
+from ssiam.evaluation.table_page import Section, markdown_table, write_page
+from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
+
+_YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
+_EXPLANATION: Final = (
+    "A: mean overlap while tracked, ten frames after each start left out. R: lost targets per "
+    "100 frames. EAO: expected average overlap. All three as pysot-toolkit computes them. lost: "
+    "targets lost, the tracker restarted five frames after each. overlap: mean intersection over "
+    "union of the tracked frames, the mean of the sequences. success: area under the success "
+    "curve of one-pass runs. fps: frames a second without reading the images. steadied: off is "
+    "the tracker alone. An empty cell is a number that is not there."
+)
+
+
+def tables(
+    results: Path,
+    /,
+    *,
+    dataset: Annotated[list[Path], Parameter(negative=())],
+    out: Path | None = None,
+    figures: bool = True,
+) -> None:
+    """Tables 1 to 4 and figures 3, 4 and 6 of the paper, from the results of ssiam bench.
+
+    Prints the tables, and writes tables.md, tables.html (one page that needs nothing else) and
+    the figures. What is missing is named, and what is there is shown.
+
+    Parameters
+    ----------
+    results
+        Folder of the results: --out of ssiam bench.
+    dataset
+        The dataset that was run, a folder or pysot's .json file. Give it again for each further
+        one. On a year of VOT A, R and EAO are told, elsewhere lost targets and overlaps.
+    out
+        Folder to write to; by default the folder tables in that of the results.
+    figures
+        Draw the figures, which needs matplotlib and, for two of them, the frames of the dataset.
+    """
+    if figures:
+        check_matplotlib()
+    found = [summarize(results, open_dataset(path)) for path in dataset]
+    if not any(each.entries for each in found):
+        names = ", ".join(each.dataset for each in found)
+        raise ResultsError(f"{results}: holds no results of {names}; give the dataset that was run")
+    sections = [_section(each, figures) for each in found]
+    paper = published_table(set(_YEARS) - {each.year for each in found})
+    if paper.rows:
+        sections.append(Section("What the paper reports elsewhere", [paper]))
+    _show(sections, write_page(out or results / "tables", sections, _EXPLANATION))
+
+
+def _section(found: Summaries, with_figures: bool) -> Section:
+    if not found.entries:
+        return Section(
+            f"Dataset {found.dataset}", [], notes=[f"{found.dataset}: no results", *found.notes]
+        )
+    drawn: list[Figure] = []
+    notes = list(found.notes)
+    if with_figures:
+        drawn, undrawn = drawn_figures(found)
+        notes += undrawn
+    made = [table(found) for table in (table1, table2, table3, table4)]
+    notes += [f"{each.title}: no results" for each in made if not each.rows]
+    return Section(f"Dataset {found.dataset}", [each for each in made if each.rows], drawn, notes)
+
+
+def _show(sections: list[Section], paths: list[Path]) -> None:
+    for section in sections:
+        for table in section.tables:
+            print(markdown_table(table), end="\n\n")
+        for note in section.notes:
+            print(f"ssiam: {note}", file=sys.stderr)
+    for path in paths:
+        print(path)

@@ -1,0 +1,160 @@
+"""One-pass results, in whichever of the usual layouts they lie, and their measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from collections.abc import Sequence as List
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from ssiam.datasets import Sequence
+from ssiam.evaluation.layouts import (
+    got10k_path,
+    otb_path,
+    read_boxes,
+    read_vot,
+    repetitions,
+    vot_path,
+)
+from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.raster import Floats
+from ssiam.evaluation.success import average_overlap, got10k_overlaps, mean_success, success
+from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.geometry import xywh_from_corners
+
+_ENDLESS = (10**6, 10**6)  # px; stands for the size of frames that is not told
+
+
+@dataclass(frozen=True)
+class OnePassReport:
+    """How well a tracker holds its targets without being started again.
+
+    Attributes
+    ----------
+    name : str
+    success, precision, normalised_precision : float
+        Of OTB and LaSOT: area under the success curve, share of the frames whose centre is within
+        20 pixels, and within .2 of the target's size; means over the sequences.
+    ao, sr50, sr75 : float
+        Of GOT-10k: mean overlap, and shares of frames above .5 and .75; over all frames.
+    sequences : int
+    notes : tuple of str
+        Lines for people: what was missing or short, and what was done about it.
+    """
+
+    name: str
+    success: float
+    precision: float
+    normalised_precision: float
+    ao: float
+    sr50: float
+    sr75: float
+    sequences: int
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """All figures; None for what cannot be told."""
+        figures = {k: v for k, v in asdict(self).items() if k not in ("name", "notes")}
+        return {
+            k: None if isinstance(v, float) and math.isnan(v) else v for k, v in figures.items()
+        }
+
+
+def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
+    """Measure the one-pass runs of a tracker.
+
+    They may lie in ``ope/<sequence>.txt`` or ``<sequence>.txt`` (OTB, LaSOT: 1-based boxes), in
+    ``<sequence>/<sequence>_001.txt`` (GOT-10k: 0-based boxes) or in
+    ``unsupervised/<sequence>/<sequence>_001.txt`` (VOT). Sequences without results are left out.
+
+    Raises
+    ------
+    ResultsError
+        A file is damaged, or the folder holds results of none of the sequences.
+    """
+    curves, overlaps, notes = [], [], []
+    for sequence in sequences:
+        runs = _runs(folder, sequence.name)
+        if not runs:
+            notes.append(f"{folder}: no results for sequence {sequence.name}; it is left out")
+            continue
+        truth = np.array([sequence.box(index) for index in range(len(sequence.truth))])
+        for run in runs:
+            if len(run) != len(truth):
+                notes.append(
+                    f"{folder}: {len(run)} lines for the {len(truth)} frames of {sequence.name}; "
+                    "what is missing counts as missed"
+                )
+            boxes = _boxes(run, truth)
+            curves.append(success(boxes, truth))
+            overlaps.append(got10k_overlaps(boxes, truth, sequence.size_wh or _ENDLESS))
+    if not curves:
+        raise ResultsError(f"{folder}: holds no one-pass results of the dataset")
+    mean, average = mean_success(curves), average_overlap(overlaps)
+    return OnePassReport(
+        folder.resolve().name,
+        mean.auc,
+        mean.precision,
+        mean.normalised_precision,
+        average.ao,
+        average.sr50,
+        average.sr75,
+        len(curves),
+        tuple(notes),
+    )
+
+
+def one_pass_table(reports: List[OnePassReport]) -> Table:
+    """A row for each tracker."""
+    table = Table(
+        "tracker", "sequences", "success", "precision", "norm. prec.", "AO", "SR.5", "SR.75"
+    )
+    for each in reports:
+        figures = (
+            each.success,
+            each.precision,
+            each.normalised_precision,
+            each.ao,
+            each.sr50,
+            each.sr75,
+        )
+        table.add_row(each.name, str(each.sequences), *(f"{figure:.3f}" for figure in figures))
+    return table
+
+
+def holds_one_pass(folder: Path) -> bool:
+    """Whether a folder looks like one of a tracker's one-pass results."""
+    if (folder / "ope").is_dir() or (folder / "unsupervised").is_dir():
+        return True
+    return any(folder.glob("*.txt")) or any(folder.glob("*/*_001.txt"))
+
+
+def _runs(folder: Path, name: str) -> list[Trajectory]:
+    for path in (otb_path(folder / "ope", name), otb_path(folder, name)):
+        if path.is_file():
+            return [read_boxes(path)]
+    paths = repetitions(got10k_path(folder, name))
+    if paths:
+        return [read_boxes(path, origin=0) for path in paths]
+    return [
+        read_vot(path) for path in repetitions(vot_path(folder, name, experiment="unsupervised"))
+    ]
+
+
+def _boxes(run: Trajectory, truth: Floats) -> Floats:
+    """Boxes (N, 4) of a run, as many as the truth has; a start counts as the truth itself."""
+    boxes = np.full((len(truth), 4), np.nan)
+    for index, (status, row) in enumerate(zip(run.status, run.regions, strict=True)):
+        if index >= len(truth):
+            break
+        if status == Status.INITIALIZED:
+            boxes[index] = truth[index]
+        elif status == Status.TRACKED:
+            rotated = len(row) == 8 and np.isfinite(row[4:]).all()
+            boxes[index] = xywh_from_corners(row.reshape(4, 2)) if rotated else row[:4]
+    return boxes

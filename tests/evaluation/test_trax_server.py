@@ -1,0 +1,197 @@
+"""Real TraX clients on our server, each in a process of its own."""
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from ssiam.geometry import map_box
+from synthetic import generator, poses, seen, world
+
+trax = pytest.importorskip("trax")
+
+from trax.client import Client  # noqa: E402
+
+SIZE = (320, 240)
+BOX = (140.0, 90.0, 36.0, 40.0)
+KCF = ("-m", "ssiam", "trax", "--tracker", "kcf", "--stabilize", "off")
+
+# A tracker that prints as Python, as C and as a child process do, and half a line at a time.
+CHATTY = """
+import ctypes, os, subprocess
+from ssiam.evaluation.trax_channel import protocol_alone
+from ssiam.evaluation.trax_server import serve
+from ssiam.stabilize import StabilizerConfig
+from ssiam.trackers import SteadiedTracker, Track
+
+class Chatty:
+    def init(self, view, xywh):
+        self.xywh = xywh
+        self.talk()
+    def track(self, view):
+        self.talk()
+        return Track(self.xywh, score=0.25)
+    def talk(self):
+        print("chatter", end="", flush=True)
+        print("kept back till the end", end="")
+        ctypes.CDLL(None).puts(b"chatter of C")
+        os.write(2, b"chatter")
+        subprocess.run(["echo", "chatter"])
+
+with protocol_alone():
+    serve(SteadiedTracker(Chatty(), StabilizerConfig("off")))
+"""
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    """Image files of a shaking clip, and the true place of BOX in each."""
+    folder = tmp_path_factory.mktemp("frames")
+    frame_from_world = poses(generator(3).normal(0, (1.5, 1, 0.0), (8, 3)), SIZE)
+    picture = world(size_wh=SIZE)
+    paths = []
+    for index, pose in enumerate(frame_from_world):
+        paths.append(folder / f"{index}.png")
+        cv2.imwrite(str(paths[-1]), seen(picture, pose))
+    start = np.linalg.inv(frame_from_world[0])
+    return paths, [map_box(pose @ start, BOX) for pose in frame_from_world]
+
+
+class Served:
+    """A server process, and a client that talks to it."""
+
+    def __init__(self, *arguments, stderr=subprocess.PIPE):
+        self.process = subprocess.Popen(
+            [sys.executable, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+        )
+        self.heard = []
+        streams = self.process.stdin.fileno(), self.process.stdout.fileno()
+        self.client = Client(stream=streams, log=self.heard.append)
+
+    def start(self, path, region):
+        return self.client.initialize(image(path), [(region, {})], {})[0]
+
+    def track(self, path):
+        return self.client.frame(image(path), {}, [])[0]
+
+    def end(self):
+        """Exit code, what was left on standard output, and standard error."""
+        out, err = self.process.communicate(timeout=30)
+        return self.process.returncode, out.decode(), (err or b"").decode()
+
+
+def image(path):
+    return {"color": trax.FileImage.create(str(path))}
+
+
+def square(x, y, w, h):
+    return trax.Polygon.create([(x, y), (x + w, y), (x + w, y + h), (x, y + h)])
+
+
+def test_rectangles_then_polygons_in_one_process(frames):
+    paths, truth = frames
+    served = Served(*KCF)
+    assert set(served.client.region_formats) == {"rectangle", "polygon"}
+    x, y, w, h = BOX
+    for start in (trax.Rectangle.create(*BOX), square(x, y, w - 1, h - 1)):
+        ((first, _),) = served.start(paths[0], start)
+        assert first.type == start.type
+        for path, (true_x, true_y, _, _) in zip(paths[1:], truth[1:], strict=True):
+            ((region, properties),) = served.track(path)
+            assert region.type == start.type
+            found = region.bounds()[:2] if region.type == "rectangle" else region[0]
+            assert np.hypot(*np.subtract(found, (true_x, true_y))) < 6
+            assert float(properties["confidence"]) == 1
+    served.client.quit()
+    assert served.end() == (0, "", "")
+
+
+@pytest.mark.parametrize("stderr", [subprocess.PIPE, subprocess.STDOUT], ids=["apart", "one pipe"])
+def test_chatter_never_reaches_the_protocol(frames, stderr):
+    served = Served("-c", CHATTY, stderr=stderr)
+    served.start(frames[0][0], trax.Rectangle.create(*BOX))
+    for path in frames[0][1:]:
+        ((_, properties),) = served.track(path)
+        assert float(properties["confidence"]) == 0.25
+    served.client.quit()
+    code, left, told = served.end()
+    assert (code, left) == (0, "")
+    assert not any("chatter" in each or "kept back" in each for each in served.heard)
+    assert (told.count("chatter of C") > 0) == (stderr == subprocess.PIPE)
+
+
+@pytest.mark.parametrize("when", ["first", "later"])
+def test_a_broken_frame_ends_with_one_line_and_a_quit_message(frames, tmp_path, when):
+    served = Served(*KCF)
+    broken = tmp_path / "gone.png"
+    if when == "first":
+        with pytest.raises(trax.TraxException, match=r"gone\.png: does not exist"):
+            served.start(broken, trax.Rectangle.create(*BOX))
+    else:
+        broken.write_text("no image")
+        served.start(frames[0][0], trax.Rectangle.create(*BOX))
+        with pytest.raises(trax.TraxException, match=r"gone\.png: is not an image"):
+            served.track(broken)
+    code, out, err = served.end()
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"ssiam: {broken}")
+
+
+def test_a_target_that_cannot_be_started_on_is_told(frames):
+    served = Served(*KCF)
+    with pytest.raises(trax.TraxException, match="outside of the frame"):
+        served.start(frames[0][0], trax.Rectangle.create(900, 9, 20, 20))
+    code, _, err = served.end()
+    assert (code, err.count("\n")) == (2, 1)
+
+
+def test_no_frames_at_all():
+    served = Served(*KCF)
+    served.client.quit()
+    assert served.end() == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        pytest.param("", 3, "the TraX client hung up", id="hangs up"),
+        pytest.param("frame", 3, "the TraX client hung up", id="frame without an image"),
+        pytest.param('frame "file://PATH"', 2, "no target yet", id="frame before a target"),
+        pytest.param(
+            'initialize "nonsense"\n@@TRAX:frame "file://PATH"', 2, "'special'", id="no region"
+        ),
+    ],
+)
+def test_a_client_that_breaks_the_protocol_is_left_in_one_line(frames, words, code, told):
+    sent = f"@@TRAX:{words}\n".replace("PATH", str(frames[0][0])) if words else ""
+    done = subprocess.run(
+        [sys.executable, *KCF], input=sent, capture_output=True, text=True, timeout=30
+    )
+    assert done.returncode == code
+    assert done.stderr.startswith("ssiam: ")
+    assert told in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert all(line.startswith("@@TRAX:") for line in done.stdout.splitlines())
+
+
+def test_the_channel_is_given_back():
+    """Standard error comes back, also where it was one with standard output."""
+    code = (
+        "import os, sys; from ssiam.evaluation.trax_channel import protocol_alone\n"
+        "with protocol_alone():\n"
+        "    os.write(int(os.environ['TRAX_OUT']), b'message;')\n"
+        "    print('out', flush=True); print('err', file=sys.stderr)\n"
+        "print('last words', file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=30,
+    )
+    assert done.stdout == b"message;last words\n"

@@ -1,0 +1,134 @@
+"""The workspace's files, read as the official toolkit reads them."""
+
+import configparser
+import shlex
+import sys
+
+import pytest
+import yaml
+
+from ssiam.datasets.errors import DatasetError
+from ssiam.errors import ArgumentError, SinkError
+from ssiam.evaluation.workspace import Entry, write_workspace
+from ssiam.evaluation.workspace_stack import interval_for
+
+ENTRIES = [Entry("csrt", "off"), Entry("kcf", "paper")]
+
+
+@pytest.fixture
+def sequences(tmp_path):
+    """Three sequences of 90, 100 and 110 frames, by their truth."""
+    folder = tmp_path / "data of mine"
+    for length, name in ((90, "ants"), (100, "bag"), (110, "car")):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "groundtruth.txt").write_text("1,2,3,4\n" * length)
+    (folder / "notes").mkdir()
+    return folder
+
+
+def registry(folder):
+    config = configparser.ConfigParser()
+    config.read(folder / "trackers.ini", encoding="utf-8")
+    return config
+
+
+def read_yaml(path):
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def test_a_workspace_of_sequences_that_stay_where_they_are(sequences, tmp_path):
+    folder = tmp_path / "ws"
+    assert write_workspace(folder, ENTRIES, sequences=sequences) == 3
+    assert read_yaml(folder / "config.yaml") == {
+        "registry": ["./trackers.ini"],
+        "stack": "./stack.yaml",
+        "sequences": "sequences",
+    }
+    listed = (folder / "sequences" / "list.txt").read_text().splitlines()
+    assert listed == [str(sequences / name) for name in ("ants", "bag", "car")]
+    baseline = read_yaml(folder / "stack.yaml")["experiments"]["baseline"]
+    assert baseline["type"] == "supervised"
+    assert {"type": "supervised_eao_score", "low": 20, "high": 60} in baseline["analyses"]
+
+
+def test_each_tracker_is_started_by_this_interpreter_from_anywhere(sequences, tmp_path):
+    weights = tmp_path / "100% of it" / "nano"
+    entries = [*ENTRIES, Entry("nanotrack_v2", "off", weights)]
+    write_workspace(tmp_path / "ws", entries, sequences=sequences)
+    trackers = registry(tmp_path / "ws")
+    assert trackers.sections() == ["csrt-off", "kcf-paper", "nanotrack_v2-off"]
+    for entry in entries:
+        section = trackers[entry.label]
+        assert section["protocol"] == "trax"
+        words = shlex.split(section["command"])
+        assert words[:4] == [sys.executable, "-m", "ssiam", "trax"]
+        assert words[4:8] == ["--tracker", entry.tracker, "--stabilize", entry.stabilize]
+        assert words[8:] == (["--weights", str(weights)] if entry.weights else [])
+
+
+def test_an_official_stack_is_named_and_its_sequences_are_left_to_the_toolkit(tmp_path):
+    assert write_workspace(tmp_path, ENTRIES, stack="vot2018/shortterm") == 0
+    assert read_yaml(tmp_path / "config.yaml")["stack"] == "vot2018/shortterm"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["config.yaml", "trackers.ini"]
+
+
+def test_a_stack_of_ones_own_is_copied(sequences, tmp_path):
+    (tmp_path / "own.yaml").write_text("title: Größer\n", encoding="utf-8")
+    folder = tmp_path / "ws"
+    write_workspace(folder, ENTRIES, stack=str(tmp_path / "own.yaml"), sequences=sequences)
+    assert read_yaml(folder / "config.yaml")["stack"] == "./stack.yaml"
+    assert read_yaml(folder / "stack.yaml") == {"title": "Größer"}
+
+
+def test_sequences_of_the_workspace_itself(sequences, tmp_path):
+    folder = tmp_path / "ws"
+    folder.mkdir()
+    sequences.rename(folder / "sequences")
+    assert write_workspace(folder, ENTRIES) == 3
+    listed = folder / "sequences" / "list.txt"
+    assert listed.read_text() == "ants\nbag\ncar\n"
+    listed.write_text("bag\n")
+    assert write_workspace(folder, ENTRIES, force=True) == 1
+    assert listed.read_text() == "bag\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["config.yaml", "stack.yaml", "trackers.ini", "sequences/list.txt"]
+)
+def test_nothing_is_replaced_without_force(sequences, tmp_path, name):
+    path = tmp_path / "ws" / name
+    path.parent.mkdir(parents=True)
+    path.write_text("mine")
+    with pytest.raises(SinkError, match=r"exists already: give --force"):
+        write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences)
+    assert path.read_text() == "mine"
+    assert [each for each in (tmp_path / "ws").rglob("*") if each.is_file()] == [path]
+    write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences, force=True)
+    assert path.read_text() != "mine"
+
+
+def test_what_is_missing_is_named(sequences, tmp_path):
+    folder = tmp_path / "ws"
+    with pytest.raises(DatasetError, match=r"ws.sequences: is no folder"):
+        write_workspace(folder, ENTRIES)
+    with pytest.raises(DatasetError, match="holds no sequence of VOT"):
+        write_workspace(folder, ENTRIES, sequences=sequences / "notes")
+    with pytest.raises(ArgumentError, match=r"stack gone\.yaml is not a file"):
+        write_workspace(folder, ENTRIES, stack="gone.yaml", sequences=sequences)
+    (sequences / "list.txt").write_text("ants\ngone\n")
+    with pytest.raises(DatasetError, match=r"gone: has no groundtruth\.txt"):
+        write_workspace(folder, ENTRIES, sequences=sequences)
+    assert not folder.exists()
+
+
+def test_a_folder_that_cannot_be_made(sequences, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SinkError, match="cannot be written"):
+        write_workspace(tmp_path / "file" / "ws", ENTRIES, sequences=sequences)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "interval"), [([90], (20, 60)), ([400, 9], (2, 6)), ([1], (1, 1))]
+)
+def test_the_interval_fits_the_shortest_sequence(lengths, interval):
+    assert interval_for(lengths) == interval
