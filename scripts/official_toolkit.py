@@ -30,7 +30,7 @@ from ssiam.evaluation.tracked import read_results
 from ssiam.geometry import corners_from_xywh, frame_centre, map_points, rigid
 
 PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail on supervised experiments
-INTERPRETERS = ("python3.11", "python3.12", "python3.10", "python3.13")
+INTERPRETERS = ("python3.11", sys.executable)
 TOLERANCE = 1e-3
 
 LABELS = ("csrt-off", "csrt-paper")
@@ -79,14 +79,14 @@ def environment(folder: Path) -> Path:
 
 
 def interpreter() -> str:
-    """The first Python on the path that the toolkit runs with."""
+    """A Python that can make environments: 3.11 if there is one, else the one that runs this."""
     for name in INTERPRETERS:
         try:
             subprocess.run([name, "-c", "import ensurepip"], check=True, capture_output=True)
         except (OSError, subprocess.CalledProcessError):
             continue
         return name
-    sys.exit(f"no Python for vot-toolkit: install one of {', '.join(INTERPRETERS)}")
+    sys.exit(f"none of {', '.join(INTERPRETERS)} can make an environment: install python3.11-venv")
 
 
 def run(*command: str | Path) -> str:

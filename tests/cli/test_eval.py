@@ -209,7 +209,7 @@ def test_the_authors_raw_results(shared, capsys):
 
 def one_pass_folder(folder, layout, shift):
     """Boxes of OTB's truth, moved by `shift` pixels, in one of the layouts."""
-    boxes = np.tile([20.0, 10.0, 30.0, 40.0], (12, 1)) + [shift, 0, 0, 0]
+    boxes = np.tile([20.0 + shift, 10.0, 30.0, 40.0], (12, 1))
     run = Trajectory.of_boxes(boxes)
     if layout == "otb":
         write_boxes(otb_path(folder, "clip"), run)

@@ -9,10 +9,13 @@ import yaml
 
 from ssiam.datasets.errors import DatasetError
 from ssiam.errors import ArgumentError, SinkError
-from ssiam.evaluation.workspace import Entry, write_workspace
+from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.workspace import write_workspace
 from ssiam.evaluation.workspace_stack import interval_for
+from ssiam.stabilize import StabilizerConfig
 
-ENTRIES = [Entry("csrt", "off"), Entry("kcf", "paper")]
+OFF, PAPER = StabilizerConfig("off"), StabilizerConfig("paper")
+ENTRIES = [Entry("csrt", OFF), Entry("kcf", PAPER)]
 
 
 @pytest.fixture
@@ -53,7 +56,7 @@ def test_a_workspace_of_sequences_that_stay_where_they_are(sequences, tmp_path):
 
 def test_each_tracker_is_started_by_this_interpreter_from_anywhere(sequences, tmp_path):
     weights = tmp_path / "100% of it" / "nano"
-    entries = [*ENTRIES, Entry("nanotrack_v2", "off", weights)]
+    entries = [*ENTRIES, Entry("nanotrack_v2", OFF, weights)]
     write_workspace(tmp_path / "ws", entries, sequences=sequences)
     trackers = registry(tmp_path / "ws")
     assert trackers.sections() == ["csrt-off", "kcf-paper", "nanotrack_v2-off"]
@@ -62,7 +65,7 @@ def test_each_tracker_is_started_by_this_interpreter_from_anywhere(sequences, tm
         assert section["protocol"] == "trax"
         words = shlex.split(section["command"])
         assert words[:4] == [sys.executable, "-m", "ssiam", "trax"]
-        assert words[4:8] == ["--tracker", entry.tracker, "--stabilize", entry.stabilize]
+        assert words[4:8] == ["--tracker", entry.tracker, "--stabilize", entry.config.stabilize]
         assert words[8:] == (["--weights", str(weights)] if entry.weights else [])
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import weights_by_tracker, words
 from ssiam.cli.scoreboard import Scoreboard
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError, check_choice
@@ -67,15 +67,15 @@ def bench(
         raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be at least 1")
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
-    paths = _weights(weights or [])
-    names = None if trackers is None else _words(trackers)
+    paths = weights_by_tracker(weights or [])
+    names = None if trackers is None else words(trackers)
     if preset_name is not None:
         chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths)
         competitors = chosen.entries
         for line in chosen.missing:
             print(f"missing: {line}")
     else:
-        methods = [check_choice("stabilize", word, METHODS) for word in _words(stabilize)]
+        methods = [check_choice("stabilize", word, METHODS) for word in words(stabilize)]
         competitors = entries(names or ["csrt"], methods, paths)
     todo = [
         task
@@ -86,21 +86,3 @@ def bench(
         for done in run_all(todo, jobs, cluster):
             board.add(done)
     board.show(out)
-
-
-def _words(text: str) -> list[str]:
-    return [word.strip() for word in text.split(",") if word.strip()]
-
-
-def _weights(pairs: Iterable[str]) -> dict[str, Path]:
-    """Paths by the tracker's name."""
-    paths = {}
-    for pair in pairs:
-        name, equals, path = pair.partition("=")
-        if not (name and equals and path):
-            raise ArgumentError(
-                f"--weights {pair!r}: give the tracker and its path, such as "
-                "nanotrack_v3=weights/nanotrackv3"
-            )
-        paths[name] = Path(path)
-    return paths

@@ -61,17 +61,16 @@ def tables(
         names = ", ".join(each.dataset for each in found)
         raise ResultsError(f"{results}: holds no results of {names}; give the dataset that was run")
     sections = [_section(each, figures) for each in found]
-    paper = published_table(set(_YEARS) - {each.year for each in found})
+    paper = published_table(set(_YEARS) - {each.year for each in found if each.entries})
     if paper.rows:
         sections.append(Section("What the paper reports elsewhere", [paper]))
     _show(sections, write_page(out or results / "tables", sections, _EXPLANATION))
 
 
 def _section(found: Summaries, with_figures: bool) -> Section:
+    title = f"Dataset {found.dataset}"
     if not found.entries:
-        return Section(
-            f"Dataset {found.dataset}", [], notes=[f"{found.dataset}: no results", *found.notes]
-        )
+        return Section(title, [], notes=[f"{found.dataset}: no results", *found.notes])
     drawn: list[Figure] = []
     notes = list(found.notes)
     if with_figures:
@@ -79,7 +78,7 @@ def _section(found: Summaries, with_figures: bool) -> Section:
         notes += undrawn
     made = [table(found) for table in (table1, table2, table3, table4)]
     notes += [f"{each.title}: no results" for each in made if not each.rows]
-    return Section(f"Dataset {found.dataset}", [each for each in made if each.rows], drawn, notes)
+    return Section(title, [each for each in made if each.rows], drawn, notes)
 
 
 def _show(sections: list[Section], paths: list[Path]) -> None:

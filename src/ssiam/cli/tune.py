@@ -62,12 +62,14 @@ def tune(
     if not names:
         raise ArgumentError(f"--trackers {trackers!r}: give at least one name")
     searched = tuple(parameters.Parameter.parse(text) for text in parameter or parameters.TABLE_3)
+    if len({each.name for each in searched}) < len(searched):
+        raise ArgumentError("a --parameter is given twice: give each name once")
     paths = weights_by_tracker(weights or [])
     search = Search(dataset, names, searched, out, paths, seed)
     best: Tried | None = None
     for tried in tried_configs(search, trials, jobs):
         best = tried if best is None or tried.cost < best.cost else best
-        print(f"trial {tried.number} of {trials}: {_told(tried)}", flush=True)
+        print(f"trial {tried.number}: {_told(tried)}", flush=True)
     if best is not None:
         _show(best, search)
 

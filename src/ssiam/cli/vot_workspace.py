@@ -5,17 +5,17 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from ssiam.cli.arguments import weights_by_tracker, words
 from ssiam.errors import ArgumentError, check_choice
+from ssiam.evaluation.entries import Entry, entries
 from ssiam.evaluation.trax_server import check_trax
-from ssiam.evaluation.workspace import Entry, write_workspace
-from ssiam.stabilize import Method
-from ssiam.trackers import TRACKERS, TrackerName, load_tracker
+from ssiam.evaluation.workspace import write_workspace
+from ssiam.stabilize import METHODS
 
-_METHODS: tuple[Method, ...] = get_args(Method)
 # The versions that work together; later ones fail on supervised experiments.
 _TOOLKIT = "vot-toolkit==0.7.4 attributee==0.1.9"
 
@@ -55,33 +55,21 @@ def vot_workspace(
         Replace files that are there already.
     """
     check_trax()
-    entries = _entries(trackers.split(","), stabilize.split(","), weights or [])
-    count = write_workspace(folder, entries, stack=stack, sequences=sequences, force=force)
-    _tell(folder, [entry.label for entry in entries], count)
+    competitors = _entries(words(trackers), words(stabilize), weights or [])
+    count = write_workspace(folder, competitors, stack=stack, sequences=sequences, force=force)
+    _tell(folder, [entry.label for entry in competitors], count)
 
 
-def _entries(trackers: list[str], methods: list[str], weights: list[str]) -> list[Entry]:
-    paths = dict(_weights(text) for text in weights)
-    for given in paths.keys() - set(trackers):
-        raise ArgumentError(f"--weights {given}={paths[given]}: {given} is not in --trackers")
-    entries = []
-    for text in trackers:
-        name: TrackerName = check_choice("tracker", text, TRACKERS)
-        load_tracker(name, weights=paths.get(name))
-        for way in methods:
-            method: Method = check_choice("stabilize", way, _METHODS)
-            entries.append(Entry(name, method, paths.get(name)))
-    return entries
-
-
-def _weights(text: str) -> tuple[str, Path]:
-    name, equals, path = text.partition("=")
-    if not (name and equals and path):
-        raise ArgumentError(
-            f"--weights {text!r} names no tracker: give NAME=PATH, such as "
-            "nanotrack_v2=weights/nanotrackv2"
-        )
-    return name, Path(path)
+def _entries(trackers: list[str], methods: list[str], pairs: list[str]) -> list[Entry]:
+    """The competitors, each of which could be loaded."""
+    weights = weights_by_tracker(pairs)
+    for given in weights.keys() - set(trackers):
+        raise ArgumentError(f"--weights {given}={weights[given]}: {given} is not in --trackers")
+    chosen = [check_choice("stabilize", word, METHODS) for word in methods]
+    competitors = entries(trackers, chosen, weights)
+    for entry in competitors:
+        entry.load(threads=1)
+    return competitors
 
 
 def _tell(folder: Path, labels: Sequence[str], sequences: int) -> None:

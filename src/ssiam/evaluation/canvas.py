@@ -41,6 +41,7 @@ def canvas(size: tuple[float, float], grid: tuple[int, int], **options: Any) -> 
 
 def bare(axes: Any) -> None:
     """A light grid, and no frame but the two axes."""
+    axes.set_axisbelow(True)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
 

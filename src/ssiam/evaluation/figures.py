@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from ssiam.errors import MissingExtraError, SsiamError
 from ssiam.evaluation.canvas import NothingToDrawError
@@ -12,6 +13,11 @@ from ssiam.evaluation.path_figure import figure3
 from ssiam.evaluation.ranking_figure import figure6
 from ssiam.evaluation.summaries import Summaries
 from ssiam.stabilize import StabilizerConfig
+
+_RUNS: Final = {  # by whether they are one-pass ones
+    True: "One pass, no restarts.",
+    False: "Restarted five frames after each loss; until then there is no box.",
+}
 
 
 @dataclass(frozen=True)
@@ -87,9 +93,3 @@ def _figure6(found: Summaries) -> Figure:
         "Dashed or hollow: the tracker alone. Solid or full: steadied.",
         figure6(found),
     )
-
-
-_RUNS = {
-    True: "One pass, no restarts.",
-    False: "Restarted five frames after each loss; until then there is no box.",
-}

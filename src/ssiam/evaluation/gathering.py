@@ -19,7 +19,7 @@ from ssiam.evaluation.published import vot_year
 from ssiam.evaluation.scores import Scores
 from ssiam.evaluation.summaries import Summaries, Summary
 from ssiam.evaluation.tracked import TrackedSequence, read_results
-from ssiam.stabilize import StabilizerConfig
+from ssiam.stabilize import METHODS, StabilizerConfig
 
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
 _LISTED: Final = 4  # names in a note
@@ -48,10 +48,17 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     year = vot_year(dataset.name)
     notes: list[str] = []
     sequences = {name: _sized(each, year, notes) for name, each in dataset.sequences.items()}
-    entries = [_summary(folder, sequences, year, notes) for folder in folders]
+    entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_place)
     found = [each for each in entries if each.supervised or each.one_pass]
-    if found and year is None and not any(each.one_pass for each in found):
-        notes.append(f"{dataset.name}: no one-pass runs (ssiam bench ... --protocol ope)")
+    unsupervised = [each.label for each in found if not each.supervised]
+    no_pass = [each.label for each in found if year is None and not each.one_pass]
+    for kind, protocol, labels in (
+        ("supervised", "vot", unsupervised),
+        ("one-pass", "ope", no_pass),
+    ):
+        if labels:
+            which = f"no {kind} runs of {_listed(labels)}"
+            notes.append(f"{dataset.name}: {which} (ssiam bench ... --protocol {protocol})")
     return Summaries(dataset.name, year, sequences, found, notes)
 
 
@@ -68,6 +75,11 @@ def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
         return (tracker, StabilizerConfig(**values)) if tracker else None
     except (KeyError, ValueError):
         return None
+
+
+def _place(summary: Summary) -> tuple[str, int, str]:
+    method = METHODS.index(summary.config.stabilize) if summary.config else 0
+    return summary.tracker, method, summary.label
 
 
 def _folders(results: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from collections.abc import Sequence as List
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from ssiam.evaluation.success import average_overlap, got10k_overlaps, mean_succ
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.geometry import xywh_from_corners
 
+_FIGURES = ("success", "precision", "normalised_precision", "ao", "sr50", "sr75", "sequences")
 _ENDLESS = (10**6, 10**6)  # px; stands for the size of frames that is not told
 
 
@@ -59,10 +60,8 @@ class OnePassReport:
 
     def as_dict(self) -> dict[str, Any]:
         """All figures; None for what cannot be told."""
-        figures = {k: v for k, v in asdict(self).items() if k not in ("name", "notes")}
-        return {
-            k: None if isinstance(v, float) and math.isnan(v) else v for k, v in figures.items()
-        }
+        figures = {name: getattr(self, name) for name in _FIGURES}
+        return {name: None if math.isnan(value) else value for name, value in figures.items()}
 
 
 def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
@@ -111,19 +110,11 @@ def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
 
 def one_pass_table(reports: List[OnePassReport]) -> Table:
     """A row for each tracker."""
-    table = Table(
-        "tracker", "sequences", "success", "precision", "norm. prec.", "AO", "SR.5", "SR.75"
-    )
+    table = Table("tracker", *_FIGURES)
     for each in reports:
-        figures = (
-            each.success,
-            each.precision,
-            each.normalised_precision,
-            each.ao,
-            each.sr50,
-            each.sr75,
-        )
-        table.add_row(each.name, str(each.sequences), *(f"{figure:.3f}" for figure in figures))
+        figures = each.as_dict().values()
+        cells = (f"{value:.3f}" if isinstance(value, float) else str(value) for value in figures)
+        table.add_row(each.name, *cells)
     return table
 
 

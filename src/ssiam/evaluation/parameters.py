@@ -64,12 +64,17 @@ class Parameter:
         return f"{self.name}={values}"
 
 
+def is_whole(name: str) -> bool:
+    """Whether a field of `StabilizerConfig` holds whole numbers."""
+    return isinstance(getattr(_PAPER, name), int)
+
+
 def configured(values: Mapping[str, Any]) -> StabilizerConfig:
     """The paper's numbers with some replaced.
 
     As in Table 3, THy1 and THy2 are half of THx1 and THx2, where only the latter are among them.
     """
-    numbers = {
+    numbers: dict[str, Any] = {
         name: round(value, _DECIMALS) if isinstance(value, float) else value
         for name, value in values.items()
     }
@@ -94,7 +99,7 @@ def track_flags(config: StabilizerConfig) -> str:
 
 
 def _range(name: str, values: str, text: str) -> Parameter:
-    whole = isinstance(getattr(_PAPER, name), int)
+    whole = is_whole(name)
     try:
         low, high = (float(word) for word in values.split(":"))
     except ValueError:

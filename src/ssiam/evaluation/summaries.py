@@ -80,7 +80,7 @@ class Summaries:
         Of VOT, if the dataset is one whose EAO is defined.
     sequences : mapping of str to Sequence
     entries : list of Summary
-        By label.
+        By tracker, and of each the tracker alone first.
     notes : list of str
         A line for whatever is missing or damaged, and was left out.
     """

@@ -16,12 +16,12 @@ from ssiam.evaluation.tables import Table
 _TITLE: Final = "Tables and figures of steadied tracking"
 _STYLE: Final = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; background: #fff;
-  max-width: 1100px; margin: 2rem auto; padding: 0 1rem; }
+  max-width: 1240px; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.7rem; } h2 { margin-top: 3rem; border-bottom: 1px solid #ccc; }
 h3 { margin: 2rem 0 .5rem; font-size: 1.05rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: left;
+th, td { padding: .25rem .5rem; border-bottom: 1px solid #ddd; text-align: left;
   white-space: nowrap; }
 th { border-bottom: 2px solid #888; } .number { text-align: right; }
 tbody tr:nth-child(even) { background: #f6f6f6; }

@@ -114,7 +114,8 @@ def table4(found: Summaries) -> Table:
         (name, *(_count(each.lost.get(name)) for each in chosen), _count(original.get(name)))
         for name in shown
     ]
-    rows.append(("all sequences", *(_count(sum(each.lost.values())) for each in chosen), ""))
+    if chosen:
+        rows.append(("all sequences", *(_count(sum(each.lost.values())) for each in chosen), ""))
     head = ("sequence", *(each.label for each in chosen), "paper: Original")
     if not original:
         head, rows = head[:-1], [row[:-1] for row in rows]
@@ -147,8 +148,8 @@ def _gain(found: Summaries, steadied: Summary) -> list[str]:
         return []
     change = paired_difference(steadied.lost, off.lost, over="sum")
     return [
-        f"{steadied.label}: {change.value:+g} lost targets against off over {change.sequences} "
-        f"sequences; 95 % of the resampled sequences lie in {change.low:+g} .. {change.high:+g}."
+        f"{steadied.label} against off, lost targets over {change.sequences} sequences: "
+        f"{change.value:+g} (95 % of the resampled sequences: {change.low:+g} .. {change.high:+g})"
     ]
 
 

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from ssiam.datasets import open_dataset
-from ssiam.errors import MissingExtraError, SinkError, SsiamError, check_choice
+from ssiam.errors import check_choice
 from ssiam.evaluation.bench import run_all, tasks
 from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.parameters import Parameter, configured, paper_values
+from ssiam.evaluation.parameters import Parameter, configured
+from ssiam.evaluation.study import (
+    TuningError,
+    complete_trials,
+    next_trial,
+    one_line_errors,
+    open_study,
+)
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS
 
-_NAME: Final = "ssiam"
 _FILE: Final = "study.db"
-
-
-class TuningError(SsiamError):
-    """A search that cannot go on: its file is damaged or of another search, or runs fail."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +108,13 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[Tried]:
     SinkError
         The folder cannot be written.
     """
-    with _one_line_errors(search.out / _FILE):
-        study = _opened(search)
-        for number, done in enumerate(_complete(study), 1):
+    path = search.out / _FILE
+    with one_line_errors(path):
+        study = open_study(path, _described(search))
+        for number, done in enumerate(complete_trials(study), 1):
             yield _tried(number, done)
-        while (count := len(_complete(study))) < trials:
-            trial = _next(study, search, count)
+        while (count := len(complete_trials(study))) < trials:
+            trial = next_trial(study, search.parameters, search.seed)
             config = configured(trial.params)
             lost, overlap = _measured(search, config, jobs)
             trial.set_user_attr("lost", lost)
@@ -120,31 +122,6 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[Tried]:
             tried = Tried(count + 1, config, lost, overlap)
             study.tell(trial, tried.cost)
             yield tried
-
-
-def _opened(search: Search) -> Any:
-    """The study in the search's folder, new or from earlier."""
-    try:
-        import optuna
-    except ImportError as error:
-        raise MissingExtraError("tuning needs optuna: pip install 'ssiam[bench]'") from error
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    try:
-        search.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SinkError(f"{search.out}: cannot be made ({error.strerror or error})") from error
-    path = search.out / _FILE
-    study = optuna.create_study(storage=f"sqlite:///{path}", study_name=_NAME, load_if_exists=True)
-    told = _described(search)
-    if not study.user_attrs:
-        study.set_user_attr("search", told)
-    earlier = study.user_attrs["search"]
-    if earlier != told:
-        differing = ", ".join(name for name in told if earlier.get(name) != told[name])
-        raise TuningError(f"{path}: is a search of other {differing}; give another --out")
-    for trial in study.get_trials(states=[optuna.trial.TrialState.RUNNING]):
-        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
-    return study
 
 
 def _described(search: Search) -> dict[str, Any]:
@@ -155,28 +132,6 @@ def _described(search: Search) -> dict[str, Any]:
         "sequences": list(open_dataset(search.dataset).sequences),
         "seed": search.seed,
     }
-
-
-def _next(study: Any, search: Search, count: int) -> Any:
-    """The next trial; its sampler is seeded anew, so that an interruption leaves no trace."""
-    import optuna
-
-    study.sampler = optuna.samplers.TPESampler(seed=search.seed + count)
-    first = paper_values(search.parameters)
-    waiting = study.get_trials(states=[optuna.trial.TrialState.WAITING])
-    if count == 0 and first is not None and not waiting:
-        study.enqueue_trial(first)
-    return study.ask({each.name: _distribution(each) for each in search.parameters})
-
-
-def _distribution(parameter: Parameter) -> Any:
-    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
-
-    if parameter.choices:
-        return CategoricalDistribution(parameter.choices)
-    if isinstance(getattr(StabilizerConfig(), parameter.name), int):
-        return IntDistribution(int(parameter.low), int(parameter.high))
-    return FloatDistribution(parameter.low, parameter.high, step=parameter.step)
 
 
 def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int, float]:
@@ -196,28 +151,6 @@ def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int,
     return sum(each.lost for each in told), mean
 
 
-def _complete(study: Any) -> list[Any]:
-    from optuna.trial import TrialState
-
-    return list(study.get_trials(deepcopy=False, states=[TrialState.COMPLETE]))
-
-
 def _tried(number: int, trial: Any) -> Tried:
     attributes = trial.user_attrs
     return Tried(number, configured(trial.params), attributes["lost"], attributes["overlap"])
-
-
-@contextmanager
-def _one_line_errors(path: Path) -> Iterator[None]:
-    """Turns what Optuna and its database say into one line."""
-    try:
-        yield
-    except SsiamError:
-        raise
-    except Exception as error:
-        if type(error).__module__.partition(".")[0] not in ("optuna", "sqlalchemy"):
-            raise
-        raise TuningError(
-            f"{path}: cannot be used ({str(error).splitlines()[0]}); if it is damaged, delete it: "
-            "the runs beside it are kept"
-        ) from error

@@ -8,14 +8,12 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ssiam.errors import SinkError
+from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.workspace_sequences import LIST, length_of, sequence_folders
 from ssiam.evaluation.workspace_stack import is_official, read_stack, supervised_stack
-from ssiam.stabilize import Method
-from ssiam.trackers import TrackerName
 
 _SEQUENCES = "sequences"
 _STACK = "stack.yaml"
@@ -28,29 +26,6 @@ registry:
 stack: {stack}
 sequences: {sequences}
 """
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A tracker as the toolkit runs it, with its own way of steadying."""
-
-    tracker: TrackerName
-    stabilize: Method
-    weights: Path | None = None
-
-    @property
-    def label(self) -> str:
-        """What the toolkit calls it: ``csrt-paper``."""
-        return f"{self.tracker}-{self.stabilize}"
-
-    @property
-    def command(self) -> str:
-        """Starts its TraX server with this interpreter, from any folder."""
-        words = [sys.executable, "-m", "ssiam", "trax", "--tracker", self.tracker]
-        words += ["--stabilize", self.stabilize]
-        if self.weights is not None:
-            words += ["--weights", str(self.weights.absolute())]
-        return shlex.join(words)
 
 
 def write_workspace(
@@ -121,12 +96,21 @@ def _trackers(entries: Sequence[Entry]) -> str:
         registry[entry.label] = {
             "label": entry.label,
             "protocol": "trax",
-            "command": entry.command.replace("%", "%%"),
+            "command": _command(entry).replace("%", "%%"),
             "timeout": str(_TIMEOUT),
         }
     text = io.StringIO()
     registry.write(text)
     return text.getvalue()
+
+
+def _command(entry: Entry) -> str:
+    """Starts the tracker's TraX server with this interpreter, from any folder."""
+    words = [sys.executable, "-m", "ssiam", "trax", "--tracker", entry.tracker]
+    words += ["--stabilize", entry.config.stabilize]
+    if entry.weights is not None:
+        words += ["--weights", str(entry.weights.absolute())]
+    return shlex.join(words)
 
 
 def _write(files: Mapping[Path, str], force: bool) -> None:

@@ -1,0 +1,77 @@
+"""`ssiam tables` from the results of a benchmark to its page."""
+
+import re
+
+import pytest
+
+from ssiam.cli import main
+from tiny import write_dataset
+
+
+@pytest.fixture(scope="module")
+def benched(tmp_path_factory):
+    data = write_dataset(tmp_path_factory.mktemp("tiny"), sequences=2, frames=16)
+    out = tmp_path_factory.mktemp("out")
+    assert main(["bench", str(data), "--out", str(out), "--trackers", "kcf"]) == 0
+    return data, out
+
+
+def test_page_tables_and_figures(benched, tmp_path, capsys):
+    data, results = benched
+    out = tmp_path / "new" / "page"
+    assert main(["tables", str(results), "--dataset", str(data), "--out", str(out)]) == 0
+    told, complained = capsys.readouterr()
+    for word in ("Table 1", "Table 2", "Table 3", "Table 4", "kcf", "S-SiamMask_E"):
+        assert word in told
+    assert "no one-pass runs of kcf-off, kcf-paper" in complained
+    page = (out / "tables.html").read_text()
+    assert page.count("data:image/png;base64,") == 3
+    assert not re.search(r"(src|href)=.?http", page)
+    text = (out / "tables.md").read_text()
+    pictures = re.findall(r"\(<(.*?\.png)>\)", text)
+    assert len(pictures) == 3
+    assert all((out / name).is_file() for name in pictures)
+    assert all(str(path) in told for path in out.iterdir())
+
+
+def test_without_figures_beside_the_results(benched, capsys):
+    data, results = benched
+    arguments = ["tables", str(results), "--dataset", str(data), "--no-figures"]
+    assert main(arguments) == 0
+    names = {path.name for path in (results / "tables").iterdir()}
+    assert names == {"tables.md", "tables.html"}
+    assert main(arguments) == 0, "its own output is no tracker's folder"
+
+
+def test_a_dataset_without_results_is_named_beside_one_with(benched, tmp_path, capsys):
+    data, results = benched
+    other = write_dataset(tmp_path / "other" / "folder", sequences=1, frames=2)
+    (other / "clip0").rename(other / "unseen")
+    arguments = ["tables", str(results), "--dataset", str(data), "--dataset", str(other)]
+    assert main([*arguments, "--no-figures", "--out", str(tmp_path / "page")]) == 0
+    told, complained = capsys.readouterr()
+    assert "kcf" in told
+    assert "folder: no results" in complained
+    arguments = ["tables", str(results), "--dataset", str(other), "--no-figures"]
+    assert main(arguments) == 2
+    assert "folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        pytest.param(["gone", "--dataset", "DATA"], "gone", id="no results"),
+        pytest.param(["DATA", "--dataset", "DATA"], "baseline", id="no folder of results"),
+        pytest.param(["RESULTS", "--dataset", "gone"], "gone", id="no dataset there"),
+        pytest.param(["RESULTS"], "--dataset", id="no dataset given"),
+        pytest.param(["RESULTS", "--dataset", "DATA", "--out", "/proc/x"], "/proc/x", id="out"),
+    ],
+)
+def test_wrong_arguments_are_told_in_one_line(benched, arguments, named, capsys):
+    places = dict(zip(("DATA", "RESULTS"), map(str, benched), strict=True))
+    command = ["tables", *(places.get(word, word) for word in arguments), "--no-figures"]
+    assert main(command) == 2
+    complained = capsys.readouterr().err
+    assert named in complained.splitlines()[-1]
+    assert complained.splitlines()[-1].startswith("ssiam: ")
+    assert "Traceback" not in complained

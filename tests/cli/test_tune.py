@@ -1,0 +1,75 @@
+"""`ssiam tune` from its arguments to options that `ssiam track` understands."""
+
+import shlex
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from ssiam.cli import main
+from tiny import write_dataset
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return write_dataset(tmp_path_factory.mktemp("tiny"), sequences=2, frames=12)
+
+
+@pytest.fixture(scope="module")
+def arguments(dataset):
+    return ["tune", str(dataset), "--trackers", "kcf", "--parameter", "thx2=2:40"]
+
+
+def test_the_best_options_are_those_of_track(dataset, arguments, tmp_path, capsys):
+    search = ["--parameter", "keypoints=gftt,direct", "--parameter", "window=2:9"]
+    assert main([*arguments, *search, "--out", str(tmp_path), "--trials", "3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines[:4]] == ["trial 1", "trial 2", "trial 3", "best"]
+    source = str(dataset / "clip0" / "img")
+    line = lines[-1].replace("SOURCE", source).replace("X,Y,W,H", "20,40,28,22")
+    _, *words = shlex.split(line)
+    assert main([*words, "--results", str(tmp_path / "r.csv")]) == 0
+
+
+def test_a_killed_search_goes_on_where_it_stopped(arguments, tmp_path, capsys):
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    command = [sys.executable, "-m", "ssiam", *arguments, "--out", str(killed), "--trials", "99"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    while not process.stdout.readline().startswith("trial 3:"):
+        assert process.poll() is None
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+    assert main([*arguments, "--out", str(killed), "--trials", "8"]) == 0
+    resumed = capsys.readouterr().out.splitlines()
+    assert main([*arguments, "--out", str(whole), "--trials", "8"]) == 0
+    undisturbed = capsys.readouterr().out.splitlines()
+    assert resumed[:8] == undisturbed[:8]
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [
+        pytest.param(["--trials", "0"], "--trials 0", id="no trials"),
+        pytest.param(["--jobs", "0"], "--jobs 0", id="no jobs"),
+        pytest.param(["--trackers", "magic"], "magic", id="unknown tracker"),
+        pytest.param(["--trackers", ","], "--trackers", id="no tracker"),
+        pytest.param(["--parameter", "thx2=5:50"], "twice", id="parameter given twice"),
+        pytest.param(["--parameter", "what=1:2"], "what", id="unknown parameter"),
+        pytest.param(["--weights", "here"], "here", id="weights without a name"),
+        pytest.param(["--trackers", "nanotrack_v3"], "needs weights", id="no weights"),
+    ],
+)
+def test_wrong_arguments_are_told_in_one_line(arguments, tmp_path, more, named, capsys):
+    own = [arguments[1], *arguments[4:]] if more[0] == "--trackers" else arguments[1:]
+    assert main(["tune", *own, "--out", str(tmp_path), *more]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert named in told.err
+    assert told.err.count("\n") == 1
+
+
+def test_a_dataset_that_is_not_there_is_told(tmp_path, capsys):
+    arguments = ["tune", str(tmp_path / "gone"), "--trackers", "kcf", "--out", str(tmp_path / "o")]
+    assert main(arguments) == 2
+    assert "gone" in capsys.readouterr().err

@@ -1,0 +1,66 @@
+"""What is searched: read from text, tied as in Table 3, told as options of `ssiam track`."""
+
+import pytest
+
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.parameters import (
+    TABLE_3,
+    Parameter,
+    configured,
+    paper_values,
+    track_flags,
+)
+from ssiam.stabilize import StabilizerConfig
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("thx1=20:120", Parameter("thx1", 20, 120, 1)),
+        ("thx1=20:40.5", Parameter("thx1", 20, 40, 1)),
+        ("tha=0.05:0.3", Parameter("tha", 0.05, 0.3, 0.01)),
+        ("window=5:60", Parameter("window", 5, 60, 1)),
+        ("keypoints=orb, direct", Parameter("keypoints", choices=("orb", "direct"))),
+    ],
+)
+def test_parameters_are_parsed(text, expected):
+    assert Parameter.parse(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("magic=1:2", "unknown parameter 'magic'"),
+        ("stabilize=off", "unknown parameter 'stabilize'"),
+        ("thx1", "'thx1'"),
+        ("thx1=5", "low:high"),
+        ("thx1=9:5", "'thx1=9:5'"),
+        ("thx1=nan:5", "'thx1=nan:5'"),
+        ("thx1=-5:5", "-5"),
+        ("thx1=5:5.5", "wider"),
+        ("window=0:5", "window"),
+        ("window=1.5:5", "whole"),
+        ("keypoints=orb,magic", "magic"),
+    ],
+)
+def test_what_is_no_parameter_is_told(text, named):
+    with pytest.raises(ArgumentError, match=named):
+        Parameter.parse(text)
+
+
+def test_thresholds_of_y_are_tied_unless_searched():
+    assert configured({"thx1": 80.0}) == StabilizerConfig("paper", thx1=80.0, thy1=40.0)
+    free = configured({"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
+    assert (free.thx1, free.thy1, free.tha) == (80, 9, 0.3)
+
+
+def test_the_papers_numbers_are_among_the_default_parameters():
+    parameters = [Parameter.parse(text) for text in TABLE_3]
+    assert configured(paper_values(parameters)) == StabilizerConfig("paper")
+    assert paper_values([Parameter.parse("thx1=100:120")]) is None
+
+
+def test_flags_name_what_differs_from_the_paper():
+    assert track_flags(StabilizerConfig("paper")) == "--stabilize paper"
+    config = StabilizerConfig("paper", keypoints="direct", thx1=80.0)
+    assert track_flags(config) == "--stabilize paper --keypoints direct --thx1 80.0"

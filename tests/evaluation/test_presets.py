@@ -1,0 +1,107 @@
+"""Presets hold what the paper's tables compare, and labels can be read back."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ssiam.errors import ArgumentError
+from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.gathering import parse_label
+from ssiam.evaluation.presets import PRESETS, preset
+from ssiam.motion import KEYPOINTS
+from ssiam.stabilize import METHODS, StabilizerConfig
+
+PAPER = StabilizerConfig("paper")
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("table1", 2), ("table2", 7), ("table3", 8), ("table4", 2)]
+)
+def test_each_way_of_steadying_comes_once(name, count):
+    labels = [each.label for each in preset(name, ["kcf"], {}).entries]
+    assert len(set(labels)) == len(labels) == count
+
+
+def test_table2_has_every_generator():
+    configs = [each.config for each in preset("table2", ["kcf"], {}).entries]
+    assert configs[0].stabilize == "off"
+    assert {each.keypoints for each in configs[1:]} == set(KEYPOINTS)
+
+
+def test_table3_varies_one_threshold_at_a_time_and_keeps_the_ties():
+    configs = [each.config for each in preset("table3", ["kcf"], {}).entries]
+    assert PAPER in configs
+    for config in configs:
+        assert (config.thx1, config.thx2) == (2 * config.thy1, 2 * config.thy2)
+        changed = [getattr(config, n) != getattr(PAPER, n) for n in ("thx1", "thx2", "tha")]
+        assert sum(changed) <= 1
+    assert {each.thx1 for each in configs} == {60, 80, 100}
+    assert {each.thx2 for each in configs} == {20, 40, 80}
+    assert {each.tha for each in configs} == {0.1, 0.3, 0.5, 1.0}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_trackers_at_hand_are_those_without_weights_and_those_with_given_ones(name):
+    weights = {"nanotrack_v2": Path("two")}
+    entries = preset(name, None, weights).entries
+    assert {each.tracker for each in entries} == {"csrt", "kcf", "nanotrack_v2"}
+    assert all(each.weights == weights.get(each.tracker) for each in entries)
+
+
+def test_what_is_missing_is_a_line_each():
+    missing = preset("table1", ["kcf"], {}, ["vot-2018", "OTB100"]).missing
+    assert [line.split(":")[0] for line in missing] == [
+        "SiamFC",
+        "SiamRPN++",
+        "SiamMask_E",
+        "VOT2016",
+        "VOT2019",
+    ]
+    assert all("\n" not in line for line in missing)
+
+
+@pytest.mark.parametrize(
+    ("name", "datasets", "count"),
+    [
+        pytest.param("table2", ["OTB100"], 4, id="no year of VOT"),
+        pytest.param("table2", ["VOT2019"], 3, id="any year will do"),
+        pytest.param("table4", ["VOT2019"], 4, id="another year than Table 4's"),
+        pytest.param("table4", None, 3, id="datasets not told"),
+    ],
+)
+def test_missing_data(name, datasets, count):
+    assert len(preset(name, ["kcf"], {}, datasets).missing) == count
+
+
+def test_unknown_names_are_told():
+    with pytest.raises(ArgumentError, match="table9"):
+        preset("table9", None, {})
+    with pytest.raises(ArgumentError, match="magic"):
+        preset("table1", ["magic"], {})
+
+
+configs = st.builds(
+    StabilizerConfig,
+    stabilize=st.sampled_from(METHODS),
+    keypoints=st.sampled_from(KEYPOINTS),
+    fit=st.sampled_from(("robust", "least_squares")),
+    window=st.integers(1, 99),
+    gate=st.floats(0, 1),
+    thx1=st.floats(0, 1e9),
+    tha=st.floats(0, 1e-6),
+)
+
+
+@settings(deadline=None)
+@given(configs, st.sampled_from(("kcf", "nanotrack_v3")))
+def test_labels_are_read_back(config, tracker):
+    assert parse_label(Entry(tracker, config).label) == (tracker, config)
+
+
+@pytest.mark.parametrize(
+    "label", ["model_SiamMask", "", "-off", "kcf-magic", "kcf-paper-thx1=x", "kcf-paper-what=1"]
+)
+def test_other_names_are_no_labels(label):
+    assert parse_label(label) is None

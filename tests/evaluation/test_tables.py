@@ -1,0 +1,202 @@
+"""Tables say what the measures say, and name what is missing."""
+
+import re
+
+import numpy as np
+import pytest
+from benched import bench, write_run, write_vot_year
+
+from ssiam.datasets import open_dataset
+from ssiam.evaluation.eao import INTERVALS
+from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.gathering import summarize
+from ssiam.evaluation.layouts import otb_path, read_boxes, read_vot, vot_path
+from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.published import ORIGINAL_LOST, ROWS, vot_year
+from ssiam.evaluation.report import report
+from ssiam.evaluation.success import success
+from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.tracked import read_results
+from ssiam.stabilize import StabilizerConfig
+from tiny import write_dataset
+
+OFF, PAPER = (Entry("kcf", StabilizerConfig(method)) for method in ("off", "paper"))
+WIDE = Entry("kcf", StabilizerConfig("paper", thx1=80.0, thy1=40.0))
+GFTT = Entry("kcf", StabilizerConfig("paper", keypoints="gftt"))
+
+
+@pytest.fixture(scope="module")
+def benched(tmp_path_factory):
+    """A dataset, its results, and what the benchmark told of the supervised runs."""
+    data = write_dataset(tmp_path_factory.mktemp("tiny"))
+    out = tmp_path_factory.mktemp("out")
+    competitors = [OFF, PAPER, WIDE, GFTT]
+    bench(data, out, competitors)
+    bench(data, out, [OFF, PAPER], "ope")
+    return data, out, bench(data, out, competitors)
+
+
+@pytest.fixture(scope="module")
+def found(benched):
+    data, out, _ = benched
+    return summarize(out, open_dataset(data))
+
+
+def row_of(table, *start):
+    (row,) = [row for row in table.rows if row[: len(start)] == start]
+    return dict(zip(table.head, row, strict=True))
+
+
+@pytest.mark.parametrize("entry", [OFF, PAPER], ids=["off", "paper"])
+def test_cells_are_the_measures(benched, found, entry):
+    data, out, told = benched
+    cells = row_of(table1(found), "kcf", entry.config.stabilize)
+    runs = [each for each in told if each.label == entry.label]
+    assert cells["lost"] == str(sum(each.lost for each in runs))
+    assert cells["overlap"] == f"{np.mean([each.overlap for each in runs]):.3f}"
+    curves = [
+        success(read_boxes(otb_path(out / entry.label / "ope", name)).regions, sequence.truth).auc
+        for name, sequence in open_dataset(data).sequences.items()
+    ]
+    assert cells["success"] == f"{np.mean(curves):.3f}"
+    times = (out / entry.label / "times" / "baseline").glob("*.txt")
+    seconds = np.concatenate([np.loadtxt(path) for path in times])
+    assert cells["fps"] == f"{(seconds > 0).sum() / seconds.sum():.0f}"
+
+
+def test_tables_2_and_3_hold_what_was_run_and_name_the_rest(found):
+    generators, thresholds = table2(found), table3(found)
+    assert [row[1] for row in generators.rows] == ["off", "orb", "gftt"]
+    assert "harris, brisk, mser, direct" in generators.notes[-1]
+    assert [(row[1][:4], row[2]) for row in thresholds.rows] == [
+        ("THx1", "60"),
+        ("THx1", "80"),
+        ("THx2", "20"),
+        ("THa,", "0.3"),
+    ]
+    wide = row_of(thresholds, "kcf", "THx1 = 2 THy1, px", "80")
+    assert wide["lost"] == f"{sum(found.find('kcf', WIDE.config).lost.values()):g}"
+    assert wide["paper"] == ""
+
+
+def test_table_4_counts_by_sequence(benched, found):
+    _, out, _ = benched
+    table = table4(found)
+    assert table.head == ("sequence", "kcf-off", "kcf-paper")
+    total = np.zeros(2, int)
+    for name in found.sequences:
+        lost = [len(read_vot(vot_path(out / e.label, name)).failures) for e in (OFF, PAPER)]
+        total += lost
+        if any(lost):
+            assert tuple(row_of(table, name).values())[1:] == tuple(map(str, lost))
+    assert table.rows[-1] == ("all sequences", *map(str, total))
+
+
+def test_runs_of_either_kind_that_are_missing_are_named(benched, found, tmp_path):
+    data, _, _ = benched
+    assert f"{data.name}: no one-pass runs of {GFTT.label}, {WIDE.label}" in found.notes[0]
+    bench(data, tmp_path, [OFF], "ope")
+    alone = summarize(tmp_path, open_dataset(data))
+    assert [note.partition(" (")[0] for note in alone.notes] == [
+        f"{data.name}: no supervised runs of kcf-off"
+    ]
+    cells = row_of(table1(alone), "kcf", "off")
+    assert (cells["lost"], cells["overlap"]) == ("", "")
+    assert cells["success"] == row_of(table1(found), "kcf", "off")["success"]
+    assert table4(alone).rows == []
+
+
+@pytest.fixture
+def vot(tmp_path):
+    """A year of VOT, with runs of a tracker of this package and of another program."""
+    data = write_vot_year(tmp_path / "VOT2018", {"girl": 130, "road": 120})
+    out = tmp_path / "results"
+    for label, shift in (("nanotrack_v3-off", 6.0), ("nanotrack_v3-paper", 2.0), ("other", 0.0)):
+        write_run(out, label, "girl", "i" + "." * 59 + "x----i" + "." * 64, shift)
+        write_run(out, label, "road", "i" + "." * 119, shift)
+    return data, out
+
+
+def test_a_year_of_vot_has_pysots_scores_and_the_published_ones_beside(vot):
+    data, out = vot
+    dataset = open_dataset(data)
+    found = summarize(out, dataset)
+    table = table1(found)
+    for label, start in (("nanotrack_v3-paper", ("nanotrack_v3", "paper")), ("other", ("other",))):
+        cells = row_of(table, *start)
+        sized = [each.sequence for each in found.entries[0].supervised.values()]
+        scores = report(read_results(out / label, sized), INTERVALS[2018]).pysot
+        assert [cells[name] for name in ("A", "R /100", "EAO", "lost")] == [
+            f"{scores.accuracy:.3f}",
+            f"{scores.robustness:.3f}",
+            f"{scores.eao:.3f}",
+            "1",
+        ]
+    assert row_of(table, "nanotrack_v3", "off")["their EAO"] == "0.449"
+    assert row_of(table, "nanotrack_v3", "paper")["source"] == ""
+    theirs = row_of(table, "S-SiamMask_E")
+    assert (theirs["their EAO"], theirs["their lost"], theirs["their fps"]) == ("0.449", "52", "33")
+    assert theirs["their A"] == theirs["A"] == theirs["lost"] == ""
+
+
+def test_table_4_of_2018_has_the_papers_counts(vot):
+    data, out = vot
+    table = table4(summarize(out, open_dataset(data)))
+    assert row_of(table, "girl")["paper: Original"] == str(ORIGINAL_LOST["girl"])
+    assert "road" not in [row[0] for row in table.rows]
+
+
+def test_the_papers_lost_targets_agree_with_its_robustness():
+    frames = {2016: 21455, 2018: 21356, 2019: 19935}
+    both = [each for each in ROWS if None not in (each.robustness, each.lost)]
+    assert len(both) > 10
+    for each in both:
+        assert each.robustness == pytest.approx(100 * each.lost / frames[each.year], abs=6e-4)
+
+
+def test_the_papers_own_table_is_of_the_years_that_are_wanted():
+    assert {row[0] for row in published_table({2016, 2019}).rows} == {"VOT2016", "VOT2019"}
+    assert published_table(set()).rows == []
+
+
+@pytest.mark.parametrize(
+    ("name", "year"),
+    [("VOT2018", 2018), ("vot-2019", 2019), ("OTB100", None), ("VOT2020", None)],
+)
+def test_years(name, year):
+    assert vot_year(name) == year
+
+
+def test_what_is_missing_or_damaged_is_named_and_the_rest_is_shown(vot):
+    data, out = vot
+    vot_path(out / "nanotrack_v3-off", "road").unlink()
+    vot_path(out / "nanotrack_v3-paper", "girl").write_text("1\n1,2,three\n")
+    (out / "empty" / "baseline").mkdir(parents=True)
+    (out / "unrelated").mkdir()
+    found = summarize(out, open_dataset(data))
+    told = "\n".join(found.notes)
+    assert "nanotrack_v3-off: no baseline results of 1 of 2 sequences: road" in told
+    assert re.search(r"girl_001.txt, line 2.*left out", told)
+    assert "no times of" in told
+    lost = {each.label: dict(each.lost) for each in found.entries}
+    assert lost["nanotrack_v3-off"] == {"girl": 1}
+    assert lost["nanotrack_v3-paper"] == {"road": 0}
+    assert "empty" not in lost
+
+
+def test_frames_of_unknown_size_leave_the_lost_targets(vot):
+    data, out = vot
+    (data / "road" / "00000001.jpg").write_bytes(b"")
+    found = summarize(out, open_dataset(data))
+    cells = row_of(table1(found), "nanotrack_v3", "off")
+    assert (cells["A"], cells["EAO"], cells["lost"]) == ("", "", "1")
+    assert any("00000001.jpg" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("made", [False, True], ids=["no folder", "empty folder"])
+def test_a_folder_without_results(tmp_path, vot, made):
+    folder = tmp_path / "nothing"
+    if made:
+        folder.mkdir()
+    with pytest.raises(ResultsError, match="nothing"):
+        summarize(folder, open_dataset(vot[0]))
