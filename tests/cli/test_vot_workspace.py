@@ -44,9 +44,7 @@ def test_weights_belong_to_a_tracker(sequences, shared, tmp_path):
     [
         pytest.param(("--trackers", "csrt,magic"), "'magic'", id="unknown tracker"),
         pytest.param(("--stabilize", "off,on"), "'on'", id="unknown steadying"),
-        pytest.param(
-            ("--weights", "gone"), "its path", id="weights of no tracker"
-        ),
+        pytest.param(("--weights", "gone"), "its path", id="weights of no tracker"),
         pytest.param(("--weights", "kcf=gone"), "kcf is not in --trackers", id="another tracker"),
         pytest.param(("--weights", "csrt=gone"), "csrt has no weights", id="weights in vain"),
         pytest.param(("--trackers", "nanotrack_v1"), "needs weights", id="weights not given"),

@@ -70,7 +70,8 @@ def bench(
     paths = weights_by_tracker(weights or [])
     names = None if trackers is None else words(trackers)
     if preset_name is not None:
-        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths)
+        opened = [open_dataset(path).name for path in dataset]
+        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, opened)
         competitors = chosen.entries
         for line in chosen.missing:
             print(f"missing: {line}")

@@ -18,6 +18,7 @@ from ssiam.evaluation.layouts import otb_path, read_vot, vot_path, write_boxes, 
 from ssiam.evaluation.lines import write_lines
 from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.protocols import EXPERIMENTS, ProtocolName, run
+from ssiam.evaluation.regions import upright
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.trackers import SteadiedTracker
 
@@ -136,7 +137,7 @@ def _parallel(waiting: Sequence[Task], jobs: int, cluster: str | None) -> Iterat
         if cluster is not None:
             from distributed import Client
     except ImportError as error:
-        raise MissingExtraError("running in parallel", "bench") from error
+        raise MissingExtraError("jobs need joblib and dask: pip install 'ssiam[bench]'") from error
     calls = (joblib.delayed(run_task)(task) for task in waiting)
     if cluster is None:
         settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": waiting[0].threads}
@@ -180,8 +181,7 @@ def _told(task: Task, trajectory: Trajectory, seconds: float) -> Done:
     sequence = _dataset(task.dataset, task.kind).sequences[task.sequence]
     tracked = np.flatnonzero(trajectory.status == Status.TRACKED)
     tracked = tracked[tracked < len(sequence.truth)]
-    truth = np.array([sequence.box(int(index)) for index in tracked]).reshape(-1, 4)
-    overlaps = iou(trajectory.regions[tracked, :4], truth)
+    overlaps = iou(upright(trajectory.regions[tracked]), upright(sequence.truth[tracked]))
     known = np.isfinite(overlaps)
     return Done(
         task.entry.label,

@@ -12,7 +12,8 @@ import numpy as np
 from ssiam.datasets import Sequence
 from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.raster import Floats
-from ssiam.evaluation.summaries import Summaries, Summary, upright
+from ssiam.evaluation.regions import upright
+from ssiam.evaluation.summaries import Summaries, Summary
 from ssiam.evaluation.tracked import TrackedSequence
 from ssiam.stabilize import StabilizerConfig
 

@@ -78,7 +78,8 @@ def run(tracker: Tracker, sequence: Sequence, protocol: ProtocolName = "vot") ->
         else:
             regions[index] = region_of(clocked.update(image))
             tracking = protocol == "ope" or not _lost(regions[index], sequence, index, image)
-            status[index] = Status.TRACKED if tracking else Status.FAILED
+            told = Status.TRACKED if np.isfinite(regions[index, :4]).all() else Status.SKIPPED
+            status[index] = told if tracking else Status.FAILED
         seconds[index] = time.perf_counter() - began
         if status[index] == Status.FAILED:
             regions[index], start_from = np.nan, index + _SKIP

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.raster import Floats
+from ssiam.geometry import area_preserving_xywh
 
 # Pixels: farther than any picture, and what float32 still tells in steps of 8.
 _FAR = 1e8
@@ -93,3 +94,12 @@ def within(a: Bounds, b: Bounds) -> Bounds:
 def is_flat(bounds: Bounds) -> NDArray[np.bool_]:
     """Where nothing lies between left and right, or between top and bottom: (N,) bool."""
     return (bounds.left >= bounds.right) | (bounds.top >= bounds.bottom)
+
+
+def upright(regions: Floats) -> Floats:
+    """Regions (N, 4) or (N, 8) as boxes (N, 4): of a polygon, the one of its centre and area."""
+    boxes = regions[:, :4].copy()
+    if regions.shape[1] == 8:
+        for row in np.flatnonzero(np.isfinite(regions).all(axis=1)):
+            boxes[row] = area_preserving_xywh(regions[row].reshape(4, 2))
+    return boxes

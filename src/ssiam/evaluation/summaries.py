@@ -13,11 +13,11 @@ from ssiam.datasets import Sequence
 from ssiam.evaluation.eao import mean_or_nan
 from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.raster import Floats
+from ssiam.evaluation.regions import upright
 from ssiam.evaluation.scores import Scores
 from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.evaluation.tracked import TrackedSequence
 from ssiam.evaluation.trajectory import Status, Trajectory
-from ssiam.geometry import area_preserving_xywh
 from ssiam.stabilize import StabilizerConfig
 
 
@@ -101,15 +101,6 @@ def tracked_overlaps(tracked: TrackedSequence, run: Trajectory) -> Floats:
     """Intersection over union of a run's tracked frames with the truth, nan where it is unknown."""
     frames = np.flatnonzero(run.status == Status.TRACKED)
     return iou(upright(run.regions[frames]), upright(tracked.sequence.truth[frames]))
-
-
-def upright(regions: Floats) -> Floats:
-    """Regions (N, 4) or (N, 8) as boxes (N, 4): of a polygon, the one of its centre and area."""
-    boxes = regions[:, :4].copy()
-    if regions.shape[1] == 8:
-        for row in np.flatnonzero(np.isfinite(regions).all(axis=1)):
-            boxes[row] = area_preserving_xywh(regions[row].reshape(4, 2))
-    return boxes
 
 
 def success_of(tracked: TrackedSequence, run: Trajectory) -> Success:
