@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: install demo test lint clean
+.PHONY: install demo test lint toolkit clean
 
 install: $(READY)
 
@@ -26,6 +26,9 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+toolkit: $(READY)
+	$(BIN)/python scripts/official_toolkit.py
 
 clean:
 	rm -rf .venv demo-out
