@@ -30,7 +30,8 @@ import numpy as np
 
 from motion_clips import UNSHAKEN, Clip, drawn_clips, real_clips
 from motion_peers import PEERS, EstimatorFailed, Run, Worker
-from motion_report import Score, draw, tables
+from motion_plot import draw
+from motion_report import Score, tables
 
 OURS = ("ssiam-direct", "ssiam-direct-rigid", "ssiam-orb", "ssiam-gftt")
 BASELINE = "vidstab-gftt"
