@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import write_dataset
 
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
@@ -15,6 +14,7 @@ from ssiam.evaluation.entries import Entry, entries
 from ssiam.evaluation.layouts import read_vot
 from ssiam.evaluation.trajectory import Status
 from ssiam.stabilize import StabilizerConfig
+from tiny import write_dataset
 
 KCF = [Entry("kcf", StabilizerConfig("off")), Entry("kcf", StabilizerConfig("paper"))]
 

@@ -14,6 +14,8 @@ from rich.table import Table
 from ssiam.errors import SsiamError
 from ssiam.evaluation.bench import Done, Task
 
+_FILE_WIDTH = 120  # characters of the table where it does not go to a terminal
+
 
 class RunsFailedError(SsiamError):
     """Some runs of a benchmark have no result; the others are kept."""
@@ -54,7 +56,8 @@ class Scoreboard:
         RunsFailedError
             Some runs failed; the message tells of the first one.
         """
-        Console().print(self._table())
+        width = None if sys.stdout.isatty() else _FILE_WIDTH
+        Console(width=width).print(self._table())
         print(f"results: {out}")
         failed = [done for runs in self._done.values() for done in runs if done.failed]
         if failed:
