@@ -4,8 +4,8 @@
 
 The same runs (a tracker, off and paper, over the first frames of the real sequences) three times,
 on one thread each; wall time, start of the processes included, and its ratio to one job. Also the
-peak memory of the largest process with four sequences and with all of them. Needs the folder of
-test data (see shared_data.py).
+peak memory of the largest process with three sequences, and with the same ones five times. Needs
+the folder of test data (see shared_data.py).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import tempfile
 import threading
 import time
 from contextlib import ExitStack
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 
 import psutil
@@ -28,9 +28,11 @@ from shared_data import WEIGHTS, sequences
 LONGEST = 100  # frames of a sequence
 
 
-def shortened(folder: Path, count: int | None = None) -> Path:
+def shortened(folder: Path, count: int | None = None, copies: int = 1) -> Path:
     """The first sequences in OTB's layout, at most `LONGEST` frames of each."""
-    for name, sequence in islice(sequences().items(), count):
+    chosen = islice(sequences().items(), count)
+    for (name, sequence), copy in product(chosen, range(copies)):
+        name = f"{name}_{copy}"
         images = folder / name / "img"
         images.mkdir(parents=True)
         lines = []
@@ -96,16 +98,17 @@ def main() -> None:
     tracker = parser.parse_args().tracker
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        few, all_of_them = shortened(folder / "few", 4), shortened(folder / "all")
+        all_of_them = shortened(folder / "all")
+        few, many = (shortened(folder / f"{n}", 3, copies=n) for n in (1, 5))
         address = cluster(stack)
-        one, peak = measured(all_of_them, tracker, "--jobs", "1")
+        one, _ = measured(all_of_them, tracker, "--jobs", "1")
         two, _ = measured(all_of_them, tracker, "--jobs", "2")
         clustered, _ = measured(all_of_them, tracker, "--cluster", address)
-        _, peak_of_few = measured(few, tracker, "--jobs", "1")
+        peaks = [measured(each, "kcf", "--jobs", "1")[1] for each in (few, many)]
     print("| run | seconds | times one job |\n|---|---|---|")
     for name, seconds in (("1 job", one), ("2 jobs", two), ("Dask, 2 workers", clustered)):
         print(f"| {name} | {seconds:.1f} | {one / seconds:.2f} |")
-    print(f"\npeak memory: {peak_of_few:.0f} MiB with 4 sequences, {peak:.0f} MiB with all")
+    print(f"\npeak memory: {peaks[0]:.0f} MiB with 3 sequences, {peaks[1]:.0f} MiB with 15")
 
 
 if __name__ == "__main__":
