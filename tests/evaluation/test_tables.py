@@ -7,12 +7,12 @@ import pytest
 from benched import bench, write_run, write_vot_year
 
 from ssiam.datasets import open_dataset
-from ssiam.evaluation.eao import INTERVALS
+from ssiam.evaluation.eao import INTERVALS, known_year
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.gathering import summarize
 from ssiam.evaluation.layouts import otb_path, read_boxes, read_vot, vot_path
 from ssiam.evaluation.lines import ResultsError
-from ssiam.evaluation.published import ORIGINAL_LOST, ROWS, vot_year
+from ssiam.evaluation.published import ORIGINAL_LOST, ROWS
 from ssiam.evaluation.report import report
 from ssiam.evaluation.success import success
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
@@ -164,7 +164,7 @@ def test_the_papers_own_table_is_of_the_years_that_are_wanted():
     [("VOT2018", 2018), ("vot-2019", 2019), ("OTB100", None), ("VOT2020", None)],
 )
 def test_years(name, year):
-    assert vot_year(name) == year
+    assert known_year(name) == year
 
 
 def test_what_is_missing_or_damaged_is_named_and_the_rest_is_shown(vot):

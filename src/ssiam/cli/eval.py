@@ -67,6 +67,8 @@ def evaluate(
     json_output
         Print JSON instead of tables.
     """
+    if not results.is_dir():
+        raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
     opened = open_dataset(dataset)
     if experiment == "ope":
         if compare:
@@ -90,8 +92,6 @@ def evaluate(
 
 
 def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> None:
-    if not results.is_dir():
-        raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
     inside = sorted(path for path in results.iterdir() if path.is_dir() and holds_one_pass(path))
     direct = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
         (results / each.name).is_dir() for each in sequences
@@ -115,8 +115,6 @@ def _console() -> Console:
 
 def _trackers(results: Path, experiment: str) -> list[Path]:
     """The folders of trackers: the one that is given, or those in it, by name."""
-    if not results.is_dir():
-        raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
     if (results / experiment).is_dir():
         return [results]
     found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())

@@ -59,6 +59,12 @@ def vot_year(dataset: str) -> int | None:
     return int(found[1]) if found else None
 
 
+def known_year(dataset: str) -> int | None:
+    """The year of VOT in a dataset's name; None if there is none, or one without an interval."""
+    year = vot_year(dataset)
+    return year if year in INTERVALS else None
+
+
 def interval_of(dataset: str, year: int | None = None) -> Interval:
     """The interval of a `year`, or of the year in the dataset's name.
 

@@ -12,10 +12,9 @@ from typing import Any, Final
 from ssiam.datasets import Dataset, Sequence
 from ssiam.errors import SsiamError
 from ssiam.evaluation import pysot
-from ssiam.evaluation.eao import INTERVALS
+from ssiam.evaluation.eao import INTERVALS, known_year
 from ssiam.evaluation.layouts import Experiment, file_name, repetitions, vot_path
 from ssiam.evaluation.lines import ResultsError, read_lines
-from ssiam.evaluation.published import vot_year
 from ssiam.evaluation.scores import Scores
 from ssiam.evaluation.summaries import Summaries, Summary
 from ssiam.evaluation.tracked import TrackedSequence, read_results
@@ -45,7 +44,7 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
         The dataset is damaged.
     """
     folders = _folders(results)
-    year = vot_year(dataset.name)
+    year = known_year(dataset.name)
     notes: list[str] = []
     sequences = {name: _sized(each, year, notes) for name, each in dataset.sequences.items()}
     entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_place)

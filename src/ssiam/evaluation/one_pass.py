@@ -23,6 +23,7 @@ from ssiam.evaluation.layouts import (
 )
 from ssiam.evaluation.lines import ResultsError
 from ssiam.evaluation.raster import Floats
+from ssiam.evaluation.regions import upright
 from ssiam.evaluation.success import average_overlap, got10k_overlaps, mean_success, success
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.geometry import xywh_from_corners
@@ -82,7 +83,7 @@ def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
         if not runs:
             notes.append(f"{folder}: no results for sequence {sequence.name}; it is left out")
             continue
-        truth = np.array([sequence.box(index) for index in range(len(sequence.truth))])
+        truth = upright(sequence.truth)
         for run in runs:
             if len(run) != len(truth):
                 notes.append(

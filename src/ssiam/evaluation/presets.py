@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import check_choice
+from ssiam.evaluation.eao import known_year
 from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.published import vot_year
 from ssiam.motion import KEYPOINTS
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS
@@ -104,7 +104,7 @@ def preset(
         for each, where in _TRACKERS.items()
     ]
     if datasets is not None:
-        missing += _missing_data(table, {vot_year(each) for each in datasets})
+        missing += _missing_data(table, {known_year(each) for each in datasets})
     return Preset(
         [Entry(each, config, weights.get(each)) for each in chosen for config in _CONFIGS[table]],
         missing,

@@ -5,11 +5,8 @@ Only what their sources tell is here; what they do not tell is None.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
-
-from ssiam.evaluation.eao import INTERVALS
 
 Source: TypeAlias = Literal["paper", "siammask_e", "pysot", "SiamTrackers"]
 
@@ -119,10 +116,3 @@ ORIGINAL_LOST: Final = {
     "book": 4,
 }
 ORIGINAL_YEAR: Final = 2018
-
-
-def vot_year(dataset: str) -> int | None:
-    """The year of VOT that a dataset's name tells; None if none, or one without EAO."""
-    found = re.search(r"vot[-_ ]?(20\d\d)", dataset, re.IGNORECASE)
-    year = int(found[1]) if found else None
-    return year if year in INTERVALS else None

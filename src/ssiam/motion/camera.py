@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias, get_args
+from typing import Any, Final, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,8 @@ from ssiam.motion.points import PointMotion
 
 KeypointName: TypeAlias = Literal["direct"] | GeneratorName
 KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
+
+_GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
 
 
 class _Estimator(Protocol):
@@ -110,8 +112,10 @@ class CameraMotion:
 
 
 def _boxes(exclude: Any) -> NDArray[np.float64]:
-    """Boxes (N, 4) xywh."""
+    """Low xy, high xy (N, 4) of the boxes, grown a little."""
     boxes = np.asarray([] if exclude is None else exclude, dtype=np.float64)
     if boxes.size % 4 or boxes.ndim > 2 or not np.isfinite(boxes).all():
         raise ArgumentError(f"exclude is {exclude}: give (x, y, w, h) in pixels, or several")
-    return boxes.reshape(-1, 4)
+    x, y, w, h = boxes.reshape(-1, 4).T
+    low_xy, high_xy = (x - _GROW * w, y - _GROW * h), (x + (1 + _GROW) * w, y + (1 + _GROW) * h)
+    return np.stack([*low_xy, *high_xy], axis=1)

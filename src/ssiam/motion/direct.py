@@ -62,14 +62,14 @@ class DirectMotion:
             self._prev = self._seen(frame)
 
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
-        """From the previous frame to this one; `boxes` (N, 4) xywh are left out."""
+        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out."""
         if self._too_small:
             return Motion.none(self._size_wh)
         cur = self._seen(frame)
         prev, self._prev = self._prev, cur
         if prev is None:
             return Motion.none(self._size_wh, reliable=True)
-        unit_boxes = self._scales.grown(boxes)
+        unit_boxes = self._scales.in_units(boxes)
         shown = self._overlays.background
         start = self._start.find(
             (prev.picture, prev.coarse),

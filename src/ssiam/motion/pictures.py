@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ssiam.geometry import Image, Transform
 
 _LONGER_SIDE: Final = 320  # px of the finest picture: exact enough, and blind to small waves
-_GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
 _HUGE: Final = 4  # times that size, from which on colour is reduced after the size
 
 
@@ -59,12 +58,10 @@ class Scales:
         self.coarse_from_unit = np.diag([1 / 4, 1 / 4, 1]) @ self.fine_from_unit
         self.tiny_per_unit = np.diag(self.fine_from_unit)[:2] / 8
 
-    def grown(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Boxes (N, 4) xywh of the frame's pixels, a little larger: low xy, high xy in units."""
-        margin_wh = _GROW * boxes[:, 2:]
-        low, high = boxes[:, :2] - margin_wh, boxes[:, :2] + boxes[:, 2:] + margin_wh
+    def in_units(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Boxes (N, 4) low xy, high xy, from the frame's pixels to units."""
         scale, offset = self.frame_from_unit[0, 0], self.frame_from_unit[:2, 2]
-        return np.asarray((np.hstack([low, high]) - np.tile(offset, 2)) / scale)
+        return np.asarray((boxes - np.tile(offset, 2)) / scale)
 
     def picture(self, frame: Image) -> Picture:
         """The three pictures of a frame (H, W, 3) uint8 BGR."""

@@ -15,7 +15,6 @@ from ssiam.motion.keypoints import KeypointGenerator, spread
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion, plausible
 
-_GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
 _MIN_POINTS: Final = 12  # agreeing pairs below which a fit proves nothing
 _MIN_SHARE: Final = 0.20  # of the pairs that must agree
 _TOLERANCE: Final = 1.5 / 640  # of the longer side, for agreeing pairs
@@ -44,7 +43,10 @@ class PointMotion:
         self._prev_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
-        """From the previous frame to this one; no point is taken from `boxes` (N, 4) xywh."""
+        """From the previous frame to this one; no point is taken from `boxes`.
+
+        These are (N, 4), low xy, high xy, pixels.
+        """
         prev_gray = self._prev_gray
         self.see(frame)
         cur_gray = self._prev_gray
@@ -67,13 +69,11 @@ class PointMotion:
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)
 
     def _background(self, boxes: NDArray[np.float64]) -> Image | None:
-        """Mask (H, W) uint8 that is 0 on the boxes, grown a little; None without boxes."""
+        """Mask (H, W) uint8 that is 0 on the boxes; None without boxes."""
         if len(boxes) == 0:
             return None
         width, height = self._size_wh
         mask = np.full((height, width), 255, dtype=np.uint8)
-        for x, y, w, h in boxes.tolist():
-            left, top = max(round(x - _GROW * w), 0), max(round(y - _GROW * h), 0)
-            right, bottom = round(x + (1 + _GROW) * w), round(y + (1 + _GROW) * h)
-            mask[top : max(bottom, 0), left : max(right, 0)] = 0
+        for left, top, right, bottom in np.maximum(np.rint(boxes), 0).astype(int).tolist():
+            mask[top:bottom, left:right] = 0
         return mask
