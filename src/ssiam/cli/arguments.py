@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from ssiam.errors import ArgumentError
+from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
+from ssiam.errors import ArgumentError, check_choice
 
 
 def words(text: str) -> list[str]:
@@ -25,3 +26,36 @@ def weights_by_tracker(pairs: Iterable[str]) -> dict[str, Path]:
             )
         paths[name] = Path(path)
     return paths
+
+
+def shakes(
+    strengths: str, kinds: str, seeds: int, exposure: float, readout: float, border: ShakeBorder
+) -> list[Shake | None]:
+    """Every strength with every kind and seed, each once; None for a strength of 0.
+
+    Raises
+    ------
+    ArgumentError
+        A strength is no number, or nothing is given, or a value is out of its range.
+    """
+    if seeds < 1:
+        raise ArgumentError(f"--shake-seeds {seeds}: must be at least 1")
+    chosen = [check_choice("kind of shake", word, SHAKE_KINDS) for word in words(kinds)]
+    found = [
+        Shake(strength, kind, seed, exposure, readout, border)
+        for strength in _strengths(strengths)
+        for kind in chosen
+        for seed in range(seeds)
+    ]
+    if not found:
+        raise ArgumentError(f"--shake {strengths!r} --shake-kind {kinds!r}: give one at least")
+    return list(dict.fromkeys(shake if shake.strength else None for shake in found))
+
+
+def _strengths(text: str) -> list[float]:
+    try:
+        return [float(word) for word in words(text)]
+    except ValueError:
+        raise ArgumentError(
+            f"--shake {text!r}: give shares of the width between commas, such as 0,0.01,0.03"
+        ) from None

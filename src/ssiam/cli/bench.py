@@ -7,9 +7,9 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from ssiam.cli.arguments import weights_by_tracker, words
+from ssiam.cli.arguments import shakes, weights_by_tracker, words
 from ssiam.cli.scoreboard import Scoreboard
-from ssiam.datasets import open_dataset
+from ssiam.datasets import ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation.bench import run_all, tasks
 from ssiam.evaluation.entries import entries
@@ -18,7 +18,8 @@ from ssiam.evaluation.protocols import ProtocolName
 from ssiam.stabilize import METHODS
 
 _WHAT = Group("What is run", sort_key=1)
-_HOW = Group("How it is run", sort_key=2)
+_SHAKEN = Group("How it is shaken", sort_key=2)
+_HOW = Group("How it is run", sort_key=3)
 
 
 def bench(
@@ -29,6 +30,12 @@ def bench(
     weights: Annotated[list[str] | None, Parameter(group=_WHAT, negative=())] = None,
     protocol: Annotated[ProtocolName, Parameter(group=_WHAT)] = "vot",
     preset_name: Annotated[str | None, Parameter(name="--preset", group=_WHAT)] = None,
+    shake: Annotated[str, Parameter(group=_SHAKEN)] = "0",
+    shake_kind: Annotated[str, Parameter(group=_SHAKEN)] = "white",
+    shake_seeds: Annotated[int, Parameter(group=_SHAKEN)] = 1,
+    shake_exposure: Annotated[float, Parameter(group=_SHAKEN)] = 0.0,
+    shake_readout: Annotated[float, Parameter(group=_SHAKEN)] = 0.0,
+    shake_border: Annotated[ShakeBorder, Parameter(group=_SHAKEN)] = "reflect",
     jobs: Annotated[int, Parameter(group=_HOW)] = 1,
     threads: Annotated[int, Parameter(group=_HOW)] = 1,
     cluster: Annotated[str | None, Parameter(group=_HOW)] = None,
@@ -44,7 +51,7 @@ def bench(
         Folders of VOT, OTB, UAV123, DTB70, GOT-10k or LaSOT, a VOT2018.json, or a folder of
         sequences.
     out
-        Folder of the results: OUT/<tracker>-<stabilize>/baseline/<sequence>/<sequence>_001.txt.
+        Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
         Names, separated by commas; with --preset those that are at hand unless given.
     stabilize
@@ -56,6 +63,21 @@ def bench(
         dropped by the clock (20 a second).
     preset_name
         The runs behind a table of the paper: table1, table2, table3 or table4.
+    shake
+        Strengths of a shake that is added to the footage, separated by commas: shares of the
+        picture's width, such as 0,0.01,0.03; 0 is the footage as it is. Shaken results lie in
+        OUT/shake-KIND-STRENGTH-seedN/, with a shake.json that ssiam eval reads.
+    shake_kind
+        Kinds of shake, separated by commas: white, handheld, vibration, gusts, roll, zoom.
+    shake_seeds
+        Paths of each kind and strength, with the seeds 0, 1, ...
+    shake_exposure
+        Motion blur: share of the frame interval, 0 to 1, during which the shutter is open.
+    shake_readout
+        Rolling shutter: share of the frame interval, 0 to 1, from the first row to the last.
+    shake_border
+        What is seen beyond the picture: reflect shows its mirror image; crop shows a smaller
+        window of the picture, which never leaves it.
     jobs
         Runs at a time, each in a process of its own.
     threads
@@ -68,6 +90,7 @@ def bench(
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
     paths = weights_by_tracker(weights or [])
+    shaken_by = shakes(shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border)
     names = None if trackers is None else words(trackers)
     if preset_name is not None:
         opened = [open_dataset(path).name for path in dataset]
@@ -81,7 +104,7 @@ def bench(
     todo = [
         task
         for path in dataset
-        for task in tasks(competitors, open_dataset(path), path, out, protocol, threads)
+        for task in tasks(competitors, open_dataset(path), path, out, protocol, threads, shaken_by)
     ]
     with Scoreboard(todo) as board:
         for done in run_all(todo, jobs, cluster):

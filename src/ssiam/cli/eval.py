@@ -26,6 +26,7 @@ from ssiam.evaluation.report import (
     scores_table,
     tags_table,
 )
+from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.tracked import read_results
 
 # Width of the tables where they do not go to a terminal, characters.
@@ -52,9 +53,10 @@ def evaluate(
     ----------
     results
         Folder of a tracker, which holds baseline/SEQUENCE/SEQUENCE_001.txt, or a folder of such
-        folders.
+        folders. Where it holds a shake.json of ssiam bench, the truth is shaken as that says.
     dataset
-        The dataset: a folder, or pysot's .json file; images are not needed.
+        The dataset: a folder, or pysot's .json file; images are not needed, but the first of each
+        sequence where the results were shaken and the dataset does not tell the frames' size.
     year
         Year of VOT whose lengths of sequences EAO is taken over; by default the one in the
         dataset's name.
@@ -69,7 +71,7 @@ def evaluate(
     """
     if not results.is_dir():
         raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
-    opened = open_dataset(dataset)
+    opened = shaken_as(results, open_dataset(dataset))
     if experiment == "ope":
         if compare:
             raise ArgumentError("--compare is for supervised runs; leave it out with ope")

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from ssiam.datasets import Shake
 from ssiam.errors import SsiamError
 from ssiam.evaluation.bench import Done, Task
 
 _FILE_WIDTH = 120  # characters of the table where it does not go to a terminal
+
+# Tracker's label and strength of the shake.
+_Row: TypeAlias = tuple[str, float]
 
 
 class RunsFailedError(SsiamError):
@@ -22,13 +28,12 @@ class RunsFailedError(SsiamError):
 
 
 class Scoreboard:
-    """One row for each tracker, on standard error while the runs go on."""
+    """One row for each tracker and strength of shake, on standard error while the runs go on."""
 
     def __init__(self, todo: Sequence[Task]) -> None:
-        self._total: dict[str, int] = {}
-        for task in todo:
-            self._total[task.entry.label] = self._total.get(task.entry.label, 0) + 1
-        self._done: dict[str, list[Done]] = {label: [] for label in self._total}
+        self._total = Counter(_row(task.entry.label, task.shake) for task in todo)
+        self._done: dict[_Row, list[Done]] = {row: [] for row in self._total}
+        self._shaken = any(task.shake is not None for task in todo)
         console = Console(file=sys.stderr)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._shown = console.is_terminal
@@ -44,7 +49,7 @@ class Scoreboard:
 
     def add(self, done: Done) -> None:
         """A run has ended."""
-        self._done[done.label].append(done)
+        self._done[_row(done.label, done.shake)].append(done)
         if self._shown:
             self._live.update(self._table(), refresh=True)
 
@@ -68,16 +73,53 @@ class Scoreboard:
             )
 
     def _table(self) -> Table:
+        return self._shaken_table() if self._shaken else self._plain_table()
+
+    def _plain_table(self) -> Table:
         table = Table("tracker", "sequences", "lost", "overlap", "frames a second")
-        for label, runs in self._done.items():
-            good = [run for run in runs if not run.failed]
-            frames, seconds = sum(r.frames for r in good if r.seconds), sum(r.seconds for r in good)
-            overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
+        for (label, strength), runs in self._done.items():
+            found = _Sums(runs)
             table.add_row(
                 label,
-                f"{len(good)} of {self._total[label]}",
-                str(sum(run.lost for run in good)),
-                f"{np.mean(overlaps):.3f}" if overlaps else "",
-                f"{frames / seconds:.0f}" if seconds else "",
+                f"{found.runs} of {self._total[label, strength]}",
+                str(found.lost),
+                found.overlap,
+                f"{1 / found.seconds:.0f}" if found.seconds else "",
             )
         return table
+
+    def _shaken_table(self) -> Table:
+        headings = ("shake", "runs", "frames", "lost", "overlap", "ms a frame")
+        table = Table("tracker", *headings)
+        for (label, strength), runs in self._done.items():
+            found = _Sums(runs)
+            table.add_row(
+                label,
+                f"{100 * strength:g} %",
+                f"{found.runs} of {self._total[label, strength]}",
+                str(found.frames),
+                str(found.lost),
+                found.overlap,
+                f"{1000 * found.seconds:.1f}" if found.seconds else "",
+            )
+        return table
+
+
+class _Sums:
+    """What a row tells of its runs; those that failed are left out."""
+
+    def __init__(self, done: Sequence[Done]) -> None:
+        good = [run for run in done if not run.failed]
+        timed = [run for run in good if run.seconds]
+        overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
+        tracked = sum(run.frames for run in timed)
+        self.runs = len(good)
+        self.frames = sum(run.frames for run in good)
+        self.lost = sum(run.lost for run in good)
+        self.overlap = f"{np.mean(overlaps):.3f}" if overlaps else ""
+        # Seconds a frame; 0 if none was timed.
+        self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
+
+
+def _row(label: str, shake: Shake | None) -> _Row:
+    return label, shake.strength if shake else 0.0

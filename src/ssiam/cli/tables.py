@@ -14,6 +14,7 @@ from ssiam.evaluation.figures import Figure
 from ssiam.evaluation.figures import figures as drawn_figures
 from ssiam.evaluation.gathering import summarize
 from ssiam.evaluation.lines import ResultsError
+from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.summaries import Summaries
 from ssiam.evaluation.table_page import Section, markdown_table, write_page
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
@@ -45,7 +46,7 @@ def tables(
     Parameters
     ----------
     results
-        Folder of the results: --out of ssiam bench.
+        Folder of the results: --out of ssiam bench, or one of the shake-... folders in it.
     dataset
         The dataset that was run, a folder or pysot's .json file. Give it again for each further
         one. On a year of VOT A, R and EAO are told, elsewhere lost targets and overlaps.
@@ -56,7 +57,7 @@ def tables(
     """
     if figures:
         check_matplotlib()
-    found = [summarize(results, open_dataset(path)) for path in dataset]
+    found = [summarize(results, shaken_as(results, open_dataset(path))) for path in dataset]
     if not any(each.entries for each in found):
         names = ", ".join(each.dataset for each in found)
         raise ResultsError(f"{results}: holds no results of {names}; give the dataset that was run")

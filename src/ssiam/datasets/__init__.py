@@ -1,21 +1,33 @@
 """Datasets of tracking as they lie on disk: frames, where the target truly is, and tags."""
 
 from ssiam.datasets.boxes import parse_boxes, read_boxes
+from ssiam.datasets.camera_paths import SHAKE_KINDS, ShakeKind
 from ssiam.datasets.clips import read_clip
 from ssiam.datasets.dataset import Dataset
 from ssiam.datasets.errors import DatasetError, UnknownSequenceError
 from ssiam.datasets.opening import KINDS, open_dataset
 from ssiam.datasets.sequence import Sequence, read_image
+from ssiam.datasets.shake import SHAKE_BORDERS, Shake, ShakeBorder, camera_path
+from ssiam.datasets.shaken_sequence import ShakenSequence, shaken, shaken_dataset
 
 __all__ = [
     "KINDS",
+    "SHAKE_BORDERS",
+    "SHAKE_KINDS",
     "Dataset",
     "DatasetError",
     "Sequence",
+    "Shake",
+    "ShakeBorder",
+    "ShakeKind",
+    "ShakenSequence",
     "UnknownSequenceError",
+    "camera_path",
     "open_dataset",
     "parse_boxes",
     "read_boxes",
     "read_clip",
     "read_image",
+    "shaken",
+    "shaken_dataset",
 ]

@@ -6,23 +6,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 
-from ssiam.datasets import Dataset, open_dataset
-from ssiam.errors import ArgumentError, MissingExtraError, SsiamError
+from ssiam.datasets import Dataset, Shake, open_dataset, shaken
+from ssiam.datasets import Sequence as Clip
+from ssiam.errors import SsiamError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.layouts import otb_path, read_vot, vot_path, write_boxes, write_vot
 from ssiam.evaluation.lines import write_lines
 from ssiam.evaluation.overlap import iou
+from ssiam.evaluation.parallel import in_parallel
 from ssiam.evaluation.protocols import EXPERIMENTS, ProtocolName, run
 from ssiam.evaluation.regions import upright
+from ssiam.evaluation.shaken_results import shaken_folder, write_shake
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.trackers import SteadiedTracker
 
-_PATIENCE: Final = 10  # seconds, for a scheduler to answer
 _LOADED: Final = 2  # trackers that a process keeps; tasks come tracker by tracker
 
 
@@ -42,6 +44,8 @@ class Task:
         Folder of all results.
     threads : int
         CPU threads of the run.
+    shake : Shake, optional
+        What the sequence is shaken by.
     """
 
     entry: Entry
@@ -51,11 +55,17 @@ class Task:
     protocol: ProtocolName
     out: Path
     threads: int = 1
+    shake: Shake | None = None
 
     @property
     def results(self) -> Path:
         """The tracker's folder."""
-        return self.out / self.entry.label
+        return shaken_folder(self.out, self.shake) / self.entry.label
+
+    def read(self) -> Clip:
+        """The sequence, shaken if it is to be."""
+        sequence = _dataset(self.dataset, self.kind).sequences[self.sequence]
+        return sequence if self.shake is None else shaken(sequence, self.shake)
 
     @property
     def path(self) -> Path:
@@ -79,6 +89,8 @@ class Done:
         Time in the tracker; 0 if the run was there already.
     failed : str
         Why there is no result.
+    shake : Shake, optional
+        What the sequence was shaken by.
     """
 
     label: str
@@ -88,6 +100,7 @@ class Done:
     overlap: float = float("nan")
     seconds: float = 0.0
     failed: str = ""
+    shake: Shake | None = None
 
 
 def tasks(
@@ -97,11 +110,14 @@ def tasks(
     out: Path,
     protocol: ProtocolName = "vot",
     threads: int = 1,
+    shakes: Sequence[Shake | None] = (None,),
 ) -> list[Task]:
-    """All runs of a benchmark, tracker by tracker."""
+    """All runs of a benchmark, tracker by tracker, shake by shake; None is no shake."""
+    path, out = path.resolve(), out.resolve()
     return [
-        Task(entry, path.resolve(), dataset.kind, name, protocol, out.resolve(), threads)
+        Task(entry, path, dataset.kind, name, protocol, out, threads, shake)
         for entry in entries
+        for shake in shakes
         for name in dataset.sequences
     ]
 
@@ -127,42 +143,20 @@ def run_all(todo: Sequence[Task], jobs: int = 1, cluster: str | None = None) -> 
     if cluster is None and jobs == 1:
         yield from map(run_task, waiting)
     elif waiting:
-        yield from _parallel(waiting, jobs, cluster)
-
-
-def _parallel(waiting: Sequence[Task], jobs: int, cluster: str | None) -> Iterator[Done]:
-    try:
-        import joblib
-
-        if cluster is not None:
-            from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError("jobs need joblib and dask: pip install 'ssiam[bench]'") from error
-    calls = (joblib.delayed(run_task)(task) for task in waiting)
-    if cluster is None:
-        settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": waiting[0].threads}
-        with joblib.parallel_config(n_jobs=jobs, **settings):
-            yield from joblib.Parallel(return_as="generator_unordered")(calls)
-        return
-    try:
-        client = Client(cluster, timeout=_PATIENCE)
-    except (OSError, ValueError) as error:
-        raise ArgumentError(f"no Dask scheduler answers at {cluster}; is it running?") from error
-    with client, joblib.parallel_config(backend="dask"):
-        yield from joblib.Parallel(return_as="generator_unordered")(calls)
+        yield from in_parallel(run_task, waiting, jobs, waiting[0].threads, cluster)
 
 
 def run_task(task: Task) -> Done:
     """Run one task and write its file; what goes wrong is told, not raised."""
     cv2.setNumThreads(task.threads)
     try:
-        sequence = _dataset(task.dataset, task.kind).sequences[task.sequence]
+        sequence = task.read()
         trajectory = run(_tracker(task.entry, task.threads), sequence, task.protocol)
         _write(task, trajectory, sequence.box(0))
         seconds = 0.0 if trajectory.seconds is None else float(trajectory.seconds.sum())
         return _told(task, trajectory, seconds)
     except SsiamError as error:
-        return Done(task.entry.label, task.sequence, failed=str(error))
+        return Done(task.entry.label, task.sequence, failed=str(error), shake=task.shake)
 
 
 def _write(task: Task, trajectory: Trajectory, first_xywh: tuple[float, ...]) -> None:
@@ -174,11 +168,13 @@ def _write(task: Task, trajectory: Trajectory, first_xywh: tuple[float, ...]) ->
         boxes = trajectory.regions.copy()
         boxes[0] = first_xywh
         write_boxes(otb_path(task.results / "ope", task.sequence), Trajectory.of_boxes(boxes))
+    if task.shake is not None:
+        write_shake(task.results.parent, task.shake)
     write_vot(task.path, trajectory)
 
 
 def _told(task: Task, trajectory: Trajectory, seconds: float) -> Done:
-    sequence = _dataset(task.dataset, task.kind).sequences[task.sequence]
+    sequence = task.read()
     tracked = np.flatnonzero(trajectory.status == Status.TRACKED)
     tracked = tracked[tracked < len(sequence.truth)]
     overlaps = iou(upright(trajectory.regions[tracked]), upright(sequence.truth[tracked]))
@@ -190,6 +186,7 @@ def _told(task: Task, trajectory: Trajectory, seconds: float) -> Done:
         lost=len(trajectory.failures),
         overlap=float(overlaps[known].mean()) if known.any() else float("nan"),
         seconds=seconds,
+        shake=task.shake,
     )
 
 

@@ -1,0 +1,132 @@
+"""`shaken`: any sequence as a shaking camera sees it, its truth included."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.datasets.dataset import Dataset, LazySequences
+from ssiam.datasets.exposure import ShakingCamera
+from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.shake import Shake, shaking_camera
+from ssiam.errors import FrameSizeError, SourceError
+from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShakenSequence(Sequence):
+    """A sequence as a shaking camera sees it: `frames` are the raw ones, `images` the shaken.
+
+    Attributes
+    ----------
+    truth : (N, 4) or (N, 8) float64
+        Where the target is in the shaken pictures; nan too where it has left them.
+    raw : Sequence
+        With the size of its frames.
+    shake : Shake
+    camera : ShakingCamera
+    shaken_from_raw : (N, 3, 3) float64
+        Raw-frame pixels to those of the shaken picture: the mean over the exposure, in the middle
+        of the picture if its rows are read in turn.
+    """
+
+    raw: Sequence
+    shake: Shake
+    camera: ShakingCamera
+    shaken_from_raw: Transform
+
+    def images(self, start: int = 0) -> Iterator[Image]:
+        """The shaken frames (H, W, 3) uint8 BGR from index `start` on.
+
+        Raises
+        ------
+        SourceError, StreamError
+            As `Sequence.images`.
+        FrameSizeError
+            A frame has another size than the first one, or than the dataset tells.
+        """
+        if self.shake.strength == 0:
+            yield from self.raw.images(start)
+            return
+        width, height = self.raw.size_wh or (0, 0)
+        for index, image in enumerate(self.raw.images(start), start):
+            if image.shape[:2] != (height, width):
+                raise FrameSizeError(
+                    f"sequence {self.name}: frame {index} is {image.shape[1]}x{image.shape[0]}, "
+                    f"not {width}x{height} pixels; shaking needs one size"
+                )
+            yield self.camera.picture(image, index)
+
+
+def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
+    """The sequence as a camera would have seen it that shakes like this beside its own motion.
+
+    Reads the first image if the sequence does not tell the size of its frames. A strength of 0
+    leaves frames and truth as they are, bit for bit.
+
+    Raises
+    ------
+    ArgumentError
+        Cropping leaves nothing of the picture.
+    SourceError, StreamError
+        The first image is needed and cannot be read.
+    """
+    size_wh = sequence.size_wh or _first_size(sequence)
+    camera = shaking_camera(shake, len(sequence), size_wh, sequence.name)
+    return ShakenSequence(
+        name=sequence.name,
+        frames=sequence.frames,
+        truth=_seen(sequence.truth, camera) if shake.strength else sequence.truth,
+        tags=sequence.tags,
+        first=sequence.first,
+        size_wh=camera.size_wh,
+        count=sequence.count,
+        raw=replace(sequence, size_wh=size_wh),
+        shake=shake,
+        camera=camera,
+        shaken_from_raw=camera.poses(np.arange(len(sequence), dtype=np.float64)),
+    )
+
+
+def shaken_dataset(dataset: Dataset, shake: Shake) -> Dataset:
+    """The dataset with every sequence `shaken` when it is looked up."""
+
+    def read(name: str) -> Sequence:
+        return shaken(dataset.sequences[name], shake)
+
+    readers = {name: partial(read, name) for name in dataset.sequences}
+    return replace(dataset, sequences=LazySequences(readers))
+
+
+def _first_size(sequence: Sequence) -> tuple[int, int]:
+    for image in sequence.images():
+        return image.shape[1], image.shape[0]
+    raise SourceError(f"sequence {sequence.name}: has no frames")
+
+
+def _seen(truth: NDArray[np.float64], camera: ShakingCamera) -> NDArray[np.float64]:
+    """Boxes (N, 4) or polygons (N, 8) of the raw frames where the camera sees them."""
+    found = np.full_like(truth, np.nan)
+    known = np.flatnonzero(np.isfinite(truth).all(axis=1))
+    rows = truth[known]
+    if truth.shape[1] == 4:
+        poses = camera.poses_seeing(rows[:, :2] + rows[:, 2:] / 2, known.astype(np.float64))
+        for index, pose in zip(known, poses, strict=True):
+            found[index] = map_box(pose, truth[index])
+    else:
+        corners = rows.reshape(-1, 2)
+        poses = camera.poses_seeing(corners, np.repeat(known, 4).astype(np.float64))
+        mapped = (poses[:, :2, :2] @ corners[:, :, None])[:, :, 0] + poses[:, :2, 2]
+        found[known] = mapped.reshape(-1, 8)
+    gone = [index for index in known if _outside(found[index], camera.size_wh)]
+    found[gone] = np.nan
+    return found
+
+
+def _outside(row: NDArray[np.float64], size_wh: tuple[int, int]) -> bool:
+    x, y, w, h = row if len(row) == 4 else area_preserving_xywh(row.reshape(4, 2))
+    return bool(x + w <= 0 or y + h <= 0 or x >= size_wh[0] or y >= size_wh[1])

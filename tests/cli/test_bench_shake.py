@@ -1,0 +1,231 @@
+"""`ssiam bench --shake`, and `ssiam eval` and `ssiam tables` of what it leaves."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ssiam.cli import main
+from ssiam.datasets import Shake, open_dataset, shaken
+from ssiam.evaluation.layouts import otb_path, read_vot, vot_path, write_boxes, write_vot
+from ssiam.evaluation.shaken_results import read_shake, write_shake
+from ssiam.evaluation.trajectory import Status, Trajectory
+from tiny import write_dataset
+
+FOLDERS = [f"shake-{kind}-0.02-seed{seed}" for kind in ("white", "gusts") for seed in (0, 1)]
+SHAKEN = ["--shake", "0,0.02", "--shake-kind", "white,gusts", "--shake-seeds", "2"]
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return write_dataset(tmp_path_factory.mktemp("tiny"), sequences=2, frames=10)
+
+
+def bench(dataset, out, *more):
+    arguments = ["bench", str(dataset), "--out", str(out), "--trackers", "kcf"]
+    return main([*arguments, "--stabilize", "off", *more])
+
+
+@pytest.fixture(scope="module")
+def benched(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    assert bench(dataset, out, *SHAKEN) == 0
+    return out
+
+
+def files(out):
+    return {
+        str(path.relative_to(out)): path.read_bytes()
+        for path in out.rglob("*_001.txt")
+        if "times" not in path.parts
+    }
+
+
+def test_each_shake_has_a_folder_of_results(dataset, benched, tmp_path):
+    assert sorted(path.name for path in benched.iterdir()) == sorted(["kcf-off", *FOLDERS])
+    results = [f"kcf-off/baseline/clip{n}/clip{n}_001.txt" for n in (0, 1)]
+    wanted = [f"{folder}/{path}" for folder in FOLDERS for path in results]
+    found = files(benched)
+    assert sorted(found) == sorted([*results, *wanted])
+    assert len({found[path] for path in found if "clip0" in path}) == 5
+    told = json.loads((benched / FOLDERS[3] / "shake.json").read_text())
+    assert told == {
+        "strength": 0.02,
+        "kind": "gusts",
+        "seed": 1,
+        "exposure": 0.0,
+        "readout": 0.0,
+        "border": "reflect",
+    }
+    assert bench(dataset, tmp_path) == 0
+    assert files(tmp_path) == {path: found[path] for path in results}, "as without a shake"
+
+
+def test_the_table_sums_kinds_and_seeds(dataset, benched, capsys):
+    before = {path: path.stat().st_mtime_ns for path in benched.rglob("*")}
+    assert bench(dataset, benched, *SHAKEN) == 0
+    assert {path: path.stat().st_mtime_ns for path in benched.rglob("*")} == before, "done is done"
+    told = capsys.readouterr().out
+    for word in ("shake", "frames", "lost", "ms a frame", "2 of 2", "8 of 8", "0 %", "2 %"):
+        assert word in told
+
+
+def test_what_was_interrupted_goes_on_to_the_same_end(dataset, benched, tmp_path):
+    assert bench(dataset, tmp_path, "--shake", "0.02") == 0
+    again = vot_path(tmp_path / FOLDERS[0] / "kcf-off", "clip1")
+    again.unlink()
+    assert bench(dataset, tmp_path, *SHAKEN) == 0
+    assert again.is_file()
+    assert files(tmp_path) == files(benched)
+
+
+def test_jobs_shake_alike(dataset, benched, tmp_path):
+    assert bench(dataset, tmp_path, *SHAKEN, "--jobs", "2") == 0
+    assert files(tmp_path) == files(benched)
+
+
+def test_a_shake_is_called_by_all_that_it_is(dataset, tmp_path):
+    more = ["--shake-exposure", "0.5", "--shake-readout", "0.25", "--shake-border", "crop"]
+    assert bench(dataset, tmp_path, "--shake", "0.02", *more) == 0
+    name = "shake-white-0.02-seed0-exposure=0.5-readout=0.25-border=crop"
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    wanted = Shake(0.02, exposure=0.5, readout=0.25, border="crop")
+    assert read_shake(tmp_path / name) == wanted
+    assert read_shake(tmp_path / name / "kcf-off") == wanted
+
+
+def perfect(dataset, out, shake):
+    """A tracker that says the shaken truth."""
+    for name, raw in open_dataset(dataset).sequences.items():
+        truth = shaken(raw, shake).truth
+        status = np.full(len(truth), Status.TRACKED, np.int8)
+        status[0] = Status.INITIALIZED
+        regions = np.where(status[:, None] == Status.TRACKED, truth, np.nan)
+        write_vot(vot_path(out / "perfect", name), Trajectory(status, regions))
+        write_boxes(otb_path(out / "perfect" / "ope", name), Trajectory.of_boxes(truth))
+    write_shake(out, shake)
+    return out
+
+
+def evaluated(capsys, *arguments):
+    assert main(["eval", *map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+SETTINGS = {
+    "white": Shake(0.03),
+    "crop": Shake(0.02, "zoom", border="crop"),
+    "rolling and blurred": Shake(0.03, "gusts", 1, exposure=0.5, readout=0.5),
+}
+
+
+@pytest.mark.parametrize("shake", SETTINGS.values(), ids=SETTINGS)
+def test_the_shaken_truth_scores_1_and_no_other(shake, tmp_path, capsys):
+    dataset = write_dataset(tmp_path / "data", sequences=1, frames=40)
+    out = perfect(dataset, tmp_path / "out", shake)
+    sized = pysot_json(dataset, tmp_path), "--year", 2018
+    found = evaluated(capsys, out / "perfect", "--dataset", *sized)
+    for convention in ("pysot", "vot_toolkit"):
+        assert found[convention]["accuracy"] == pytest.approx(1, abs=2e-3)
+    assert found == evaluated(capsys, out, "--dataset", *sized)
+    one_pass = evaluated(capsys, out, "--dataset", dataset, "--experiment", "ope")
+    assert one_pass["trackers"]["perfect"]["ao"] == pytest.approx(1, abs=2e-3)
+    (out / "shake.json").unlink()
+    raw = evaluated(capsys, out / "perfect", "--dataset", *sized)
+    assert raw["vot_toolkit"]["accuracy"] < 0.95
+
+
+def pysot_json(dataset, folder):
+    """The dataset as pysot's file for VOT2018, which tells the size and has no images."""
+    records = {
+        name: {
+            "video_dir": name,
+            "init_rect": each.truth[0].tolist(),
+            "img_names": [f"{name}/{n}.jpg" for n in range(len(each))],
+            "gt_rect": each.truth.tolist(),
+            "width": 160,
+            "height": 120,
+        }
+        for name, each in open_dataset(dataset).sequences.items()
+    }
+    path = folder / "VOT2018.json"
+    path.write_text(json.dumps(records))
+    return path
+
+
+def test_tables_of_a_shaken_folder(dataset, benched, tmp_path, capsys):
+    arguments = ["--dataset", str(dataset), "--no-figures", "--out", str(tmp_path)]
+    pages = []
+    for folder in (benched, benched / FOLDERS[0]):
+        assert main(["tables", str(folder), *arguments]) == 0
+        pages.append(capsys.readouterr().out)
+    assert "kcf" in pages[1]
+    assert pages[0] != pages[1]
+
+
+GOOD = {"strength": 0.03, "kind": "white", "seed": 0, "exposure": 0, "readout": 0, "border": "crop"}
+DAMAGED = {
+    "empty": b"",
+    "no text": b"\xff\xfe\x00",
+    "cut off": json.dumps(GOOD).encode()[:-5],
+    "a list": b"[0.03]",
+    "deep": b"[" * 500,
+    "long": json.dumps(GOOD).encode() + b" " * 600,
+    "a field too few": json.dumps({"strength": 0.03}).encode(),
+    "a field too many": json.dumps({**GOOD, "angle": 3}).encode(),
+    "a word for a number": json.dumps({**GOOD, "strength": "much"}).encode(),
+    "true for a number": json.dumps({**GOOD, "seed": True}).encode(),
+    "half a seed": json.dumps({**GOOD, "seed": 0.5}).encode(),
+    "nan": json.dumps({**GOOD, "strength": float("nan")}).encode(),
+    "out of range": json.dumps({**GOOD, "strength": 7}).encode(),
+    "a negative seed": json.dumps({**GOOD, "seed": -1}).encode(),
+    "an endless number": json.dumps(GOOD).replace("0.03", "9" * 300).encode(),
+    "unknown kind": json.dumps({**GOOD, "kind": "sway\n"}).encode(),
+    "a list for a kind": json.dumps({**GOOD, "kind": ["white"]}).encode(),
+    "unknown border": json.dumps({**GOOD, "border": ""}).encode(),
+}
+
+
+@pytest.mark.parametrize("command", ["eval", "tables"])
+@pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_shake_is_told_in_one_line(text, command, dataset, tmp_path, capsys):
+    perfect(dataset, tmp_path, Shake(0.03))
+    (tmp_path / "shake.json").write_bytes(text)
+    more = ["--no-figures"] if command == "tables" else []
+    assert main([command, str(tmp_path), "--dataset", str(dataset), *more]) == 2
+    complained = capsys.readouterr().err
+    assert complained.startswith("ssiam: ")
+    assert "shake.json: " in complained
+    assert complained.count("\n") == 1
+    assert len(complained) < 600
+
+
+WRONG = {
+    "no number": (["--shake", "3%"], "--shake '3%': give shares"),
+    "percent": (["--shake", "3"], "strength of shake 3.0: give a share"),
+    "nothing": (["--shake", ","], "--shake ','"),
+    "unknown kind": (["--shake", "0.03", "--shake-kind", "sway"], "unknown kind of shake 'sway'"),
+    "no seeds": (["--shake", "0.03", "--shake-seeds", "0"], "--shake-seeds 0"),
+    "long exposure": (["--shake", "0.03", "--shake-exposure", "2"], "exposure of shake 2"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+def test_wrong_arguments_are_told_in_one_line(arguments, message, dataset, tmp_path, capsys):
+    assert bench(dataset, tmp_path, *arguments) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_target_shaken_out_of_the_picture_stops_no_run(tmp_path):
+    """A start on a box outside of the picture is refused by every tracker."""
+    folder = write_dataset(tmp_path / "data", sequences=1, frames=12)
+    (folder / "clip0" / "groundtruth_rect.txt").write_text("1,1,4,4\n" * 12)
+    for protocol in ("vot", "ope"):
+        out = tmp_path / protocol
+        more = ["--shake", "0.05", "--shake-seeds", "4", "--protocol", protocol]
+        assert bench(folder, out, *more) == 0
+    status = [read_vot(path).status[0] for path in (tmp_path / "vot").rglob("*_001.txt")]
+    assert Status.SKIPPED in status
