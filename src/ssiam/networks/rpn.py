@@ -1,0 +1,103 @@
+"""Region proposal heads: scores and boxes of five anchors a cell, from one level or several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import torch
+from torch import Tensor, nn
+
+from ssiam.networks.correlation import CorrelationHead, added
+
+__all__ = ["RPN", "MultiRPN"]
+
+_ANCHORS: Final = 5  # a cell: one scale, five ratios
+
+
+class RPN(nn.Module):
+    """Scores and boxes from one level of features (SiamRPN++, section 3.4)."""
+
+    kernel_names = ("cls_kernel", "loc_kernel")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cls = CorrelationHead(2 * _ANCHORS)
+        self.loc = CorrelationHead(4 * _ANCHORS)
+
+    def kernels(self, templates: Sequence[Tensor]) -> list[Tensor]:
+        """Kernels for scores and for boxes (1, 256, k - 2, k - 2) of [(1, 256, k, k)]."""
+        (template,) = templates
+        return [self.cls.kernel(template), self.loc.kernel(template)]
+
+    def forward(
+        self, searches: Sequence[Tensor], kernels: Sequence[Tensor], *, sliced: bool = False
+    ) -> tuple[Tensor, Tensor]:
+        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of [(1, 256, s, s)].
+
+        Channels are (2, 5): background and foreground of the anchors; and (4, 5): dx, dy, dw, dh.
+        """
+        (search,) = searches
+        cls_kernel, loc_kernel = kernels
+        cls: Tensor = self.cls(search, cls_kernel, sliced=sliced)
+        loc: Tensor = self.loc(search, loc_kernel, sliced=sliced)
+        return cls, loc
+
+
+class MultiRPN(nn.Module):
+    """Scores and boxes from three levels, added with learned weights or averaged.
+
+    Parameters
+    ----------
+    weighted : bool
+        With learned weights, of which the softmax is taken (SiamRPN++, section 3.3); else the mean.
+    levels : int
+    """
+
+    def __init__(self, *, weighted: bool, levels: int = 3) -> None:
+        super().__init__()
+        self._names = [f"rpn{number}" for number in range(2, 2 + levels)]
+        for name in self._names:
+            self.add_module(name, RPN())
+        self._weighted = weighted
+        if weighted:
+            self.cls_weight = nn.Parameter(torch.ones(levels))
+            self.loc_weight = nn.Parameter(torch.ones(levels))
+
+    @property
+    def kernel_names(self) -> tuple[str, ...]:
+        """Names of the kernels, level by level."""
+        return tuple(f"{name}_{kind}" for name in self._names for kind in RPN.kernel_names)
+
+    def kernels(self, templates: Sequence[Tensor]) -> list[Tensor]:
+        """Two kernels (1, 256, 5, 5) a level, in the order of `kernel_names`."""
+        found: list[Tensor] = []
+        for head, template in zip(self._heads(), templates, strict=True):
+            found += head.kernels([template])
+        return found
+
+    def forward(
+        self, searches: Sequence[Tensor], kernels: Sequence[Tensor], *, sliced: bool = False
+    ) -> tuple[Tensor, Tensor]:
+        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of features (1, 256, s, s) a level."""
+        maps = [
+            head([search], kernels[2 * i : 2 * i + 2], sliced=sliced)
+            for i, (head, search) in enumerate(zip(self._heads(), searches, strict=True))
+        ]
+        cls_maps, loc_maps = zip(*maps, strict=True)
+        if not self._weighted:
+            return _mean(cls_maps), _mean(loc_maps)
+        return _weighed(cls_maps, self.cls_weight), _weighed(loc_maps, self.loc_weight)
+
+    def _heads(self) -> list[RPN]:
+        heads = [self.get_submodule(name) for name in self._names]
+        return [head for head in heads if isinstance(head, RPN)]
+
+
+def _mean(maps: Sequence[Tensor]) -> Tensor:
+    return added(maps) / len(maps)
+
+
+def _weighed(maps: Sequence[Tensor], weights: Tensor) -> Tensor:
+    shares = torch.softmax(weights, 0)
+    return added([share * level for share, level in zip(shares, maps, strict=True)])

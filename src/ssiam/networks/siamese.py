@@ -1,0 +1,44 @@
+"""What the networks have in common: a piece of the template and a piece of the search crop."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from torch import Tensor, nn
+
+__all__ = ["SiameseNetwork"]
+
+
+class SiameseNetwork(nn.Module, ABC):
+    """A network that compares search crops with a template.
+
+    Attributes
+    ----------
+    template_shape, search_shape : tuple of int
+        Shapes of the crops, float32 in 0..255, not normalised.
+    kernel_names, response_names : tuple of str
+        Names of what `template` and `search` return.
+    """
+
+    template_shape: tuple[int, ...] = (1, 3, 127, 127)
+    search_shape: tuple[int, ...] = (1, 3, 255, 255)
+    kernel_names: tuple[str, ...]
+    response_names: tuple[str, ...]
+
+    @abstractmethod
+    def template(self, crop: Tensor) -> tuple[Tensor, ...]:
+        """All that depends on a template crop alone, to be computed once a target."""
+
+    @abstractmethod
+    def search(
+        self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
+    ) -> tuple[Tensor, ...]:
+        """Responses of a search crop to what `template` returned.
+
+        With `sliced`, correlations are written as sums of slices, for export.
+        """
+
+    def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, ...]:
+        """Responses of a template crop and a search crop."""
+        return self.search(search, self.template(template))

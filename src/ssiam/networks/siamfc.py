@@ -1,0 +1,45 @@
+"""SiamFC: one response map by correlation (Bertinetto et al., ECCV 2016 workshops)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from torch import Tensor
+
+from ssiam.networks.alexnet import AlexNetV1
+from ssiam.networks.correlation import correlate_all, correlate_all_sliced
+from ssiam.networks.siamese import SiameseNetwork
+
+__all__ = ["SiamFC"]
+
+_OUT_SCALE: Final = 0.001  # of the responses (siamfc-pytorch)
+_SCALES: Final = 3  # search crops at once, of different sizes of the target
+
+
+class SiamFC(SiameseNetwork):
+    """SiamFC as siamfc-pytorch trains it: no bias after the correlation.
+
+    Crops are RGB in 0..255, float32, not normalised.
+    """
+
+    search_shape = (_SCALES, 3, 255, 255)
+    kernel_names = ("template",)
+    response_names = ("response",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.backbone = AlexNetV1()
+
+    def template(self, crop: Tensor) -> tuple[Tensor, ...]:
+        """Features (1, 256, 6, 6) of a template crop (1, 3, 127, 127)."""
+        return (self.backbone(crop),)
+
+    def search(
+        self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
+    ) -> tuple[Tensor, ...]:
+        """Response (N, 1, 17, 17) of search crops (N, 3, 255, 255)."""
+        features = self.backbone(crop)
+        (kernel,) = kernels
+        correlated = (correlate_all_sliced if sliced else correlate_all)(features, kernel)
+        return (correlated * _OUT_SCALE,)

@@ -1,0 +1,163 @@
+"""What is no checkpoint of the authors, and what its user is told."""
+
+import zipfile
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from networks.files import flat_state, saved  # noqa: E402
+from ssiam.errors import WeightsError  # noqa: E402
+from ssiam.networks import read_checkpoint  # noqa: E402
+
+ALEX = "siamrpn_alex_dwxcorr"
+HEAD = "rpn_head.loc.head.3.bias"
+SCORES = [f"rpn_head.cls.{layer}" for layer in ("conv_kernel.0.weight", "conv_kernel.1.weight")]
+
+
+def without(state, start):
+    return {key: value for key, value in state.items() if not key.startswith(start)}
+
+
+def with_new_name(state):
+    return {("bbox.bias" if key == HEAD else key): value for key, value in state.items()}
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        pytest.param(
+            lambda state: without(state, HEAD),
+            [f"nearest network (missing: {HEAD}): give the authors' own file"],
+            id="one is missing",
+        ),
+        pytest.param(
+            lambda state: without(state, "rpn_head.cls."),
+            [f"(missing: {SCORES[0]}, {SCORES[1]}", "and 14 more)"],
+            id="many are missing",
+        ),
+        pytest.param(
+            lambda state: dict(state, extra=torch.zeros(3)),
+            ["(unexpected: extra)"],
+            id="one too many",
+        ),
+        pytest.param(
+            with_new_name, [f"(missing: {HEAD}; unexpected: bbox.bias)"], id="of another name"
+        ),
+        pytest.param(
+            lambda state: {**state, HEAD: torch.zeros(10)},
+            [f"(of another shape: {HEAD} (10,) instead of (20,))"],
+            id="of another shape",
+        ),
+    ],
+)
+def test_weights_that_differ(tmp_path, changed, told):
+    path = saved(tmp_path / "model.pth", changed(flat_state(ALEX)))
+    message = refusal(path)
+    for part in [f"not quite those of {ALEX}", *told]:
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        pytest.param(
+            {"fc.weight": torch.zeros(2, 2), "fc.bias": torch.zeros(2)},
+            "of no network known here (unexpected: fc.weight, fc.bias): give the authors' "
+            "checkpoint of one of siamfc, siamrpn_alex_dwxcorr,",
+            id="another network",
+        ),
+        pytest.param({"epoch": 3, "lr": 0.1}, "hold no weights by name, only epoch, lr", id="log"),
+        pytest.param({}, "hold no weights by name, only nothing", id="nothing"),
+        pytest.param(torch.zeros(2), "hold a Tensor, not a network's state dict", id="tensor"),
+    ],
+)
+def test_other_contents(tmp_path, content, told):
+    assert told in refusal(saved(tmp_path / "model.pth", content))
+
+
+def test_layers_of_other_widths_are_named(tmp_path):
+    state = flat_state("siamrpn_r50_l234_dwxcorr")
+    level = "neck.downsample2.downsample.0.weight"
+    state[level] = torch.zeros(1).expand(128, 512, 1, 1)
+    message = refusal(saved(tmp_path / "model.pth", state))
+    assert f"{level} (128, 512, 1, 1) instead of (256, 512, 1, 1)" in message
+
+
+@pytest.mark.parametrize(
+    ("start", "told"),
+    [
+        pytest.param(b"<!DOCTYPE html><html>", "are a web page (they start with", id="web page"),
+        pytest.param(b"\n <html>", "are a web page", id="web page after a line"),
+        pytest.param(b"", "are empty (0 bytes)", id="empty"),
+        pytest.param(b"\x08\x07\x12\x07pytorch", "are not a PyTorch checkpoint", id="ONNX"),
+        pytest.param(b"version https://git-lfs", "are not a PyTorch checkpoint", id="LFS pointer"),
+        pytest.param(b"\x80\x02hello", "are damaged or cut short (7 bytes)", id="junk"),
+    ],
+)
+def test_other_files(tmp_path, start, told):
+    path = tmp_path / "model.pth"
+    path.write_bytes(start)
+    assert told in refusal(path)
+
+
+@pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.999])
+def test_cut_files(tmp_path, share, zipped):
+    path = saved(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=zipped)
+    length = int(path.stat().st_size * share)
+    path.write_bytes(path.read_bytes()[:length])
+    assert f"damaged or cut short ({length} bytes): download the file again" in refusal(path)
+
+
+def test_an_altered_archive(tmp_path):
+    path = saved(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=True)
+    data = path.read_bytes()
+    start = data.index(b"data.pkl") + 60
+    path.write_bytes(data[:start] + bytes(100) + data[start + 100 :])
+    assert "damaged or cut short" in refusal(path)
+
+
+def test_an_archive_of_something_else(tmp_path):
+    with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+        archive.writestr("siammask_r50_l3/model.pth", b"")
+    assert "an archive of 1 files (siammask_r50_l3/model.pth)" in refusal(tmp_path / "model.zip")
+
+
+def test_no_file(tmp_path):
+    assert "do not exist" in refusal(tmp_path / "model.pth")
+    assert "are a folder" in refusal(tmp_path)
+
+
+class Writes:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
+@pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
+def test_code_is_not_run(tmp_path, zipped):
+    made = tmp_path / "made"
+    content = {"state_dict": flat_state(ALEX), "hook": Writes(made)}
+    message = refusal(saved(tmp_path / "model.pth", content, zipped=zipped))
+    assert "hold code (io.open) and were not loaded" in message
+    assert not made.exists()
+
+
+def test_a_whole_module_is_code(tmp_path):
+    message = refusal(saved(tmp_path / "model.pth", torch.nn.Linear(2, 2)))
+    assert "hold code (torch.nn.modules.linear.Linear)" in message
+
+
+def refusal(path):
+    """What the reader says of a file, which is one line about that file."""
+    with pytest.raises(WeightsError) as caught:
+        read_checkpoint(path)
+    message = str(caught.value)
+    assert message.startswith(f"weights {path} ")
+    assert "\n" not in message
+    return message
