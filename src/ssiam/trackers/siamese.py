@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH, map_points
+from ssiam.geometry import XYWH, Image, map_points
+from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
 
 CONTEXT = 0.5  # of width + height, added around the target
@@ -87,20 +88,43 @@ def choose(
 def moved(
     state: TargetState, box: Floats, zoom: float, rate: float, view: FrameView
 ) -> TargetState:
+    """State after the chosen candidate, as `followed`, kept in reach of the frame."""
+    return kept_inside(followed(state, box, zoom, rate), view)
+
+
+def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
     """State after the chosen candidate `box` (cx, cy, w, h), relative to the search centre.
 
     `zoom` is search-region pixels per steadied pixel; `rate` 0..1 is how far the size follows.
-    The place is taken over whole; the centre is kept inside of the frame.
+    The place is taken over whole.
     """
     cx, cy, w, h = box / zoom
-    centre = _inside(view, (state.centre_xy[0] + cx, state.centre_xy[1] + cy))
-    width, height = view.size_wh
     new_w = state.size_wh[0] * (1 - rate) + w * rate
     new_h = state.size_wh[1] * (1 - rate) + h * rate
     return TargetState(
-        centre,
-        (float(np.clip(new_w, MIN_SIDE, width)), float(np.clip(new_h, MIN_SIDE, height))),
+        (state.centre_xy[0] + cx, state.centre_xy[1] + cy), (float(new_w), float(new_h))
     )
+
+
+def kept_inside(state: TargetState, view: FrameView) -> TargetState:
+    """The state with its centre inside of the frame, and no smaller or larger than may be."""
+    width, height = view.size_wh
+    w, h = state.size_wh
+    return TargetState(
+        _inside(view, state.centre_xy),
+        (float(np.clip(w, MIN_SIDE, width)), float(np.clip(h, MIN_SIDE, height))),
+    )
+
+
+def crop_tensor(crop: Image) -> Tensor:
+    """A crop (side, side, 3) uint8 as networks take it: (1, 3, side, side) float32 in 0..255."""
+    return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)
+
+
+def foreground(score_maps: Tensor) -> Floats:
+    """Softmax of score maps (1, 2 * a, n, n), background first -> foreground (a * n * n,)."""
+    background, target = score_maps[0].reshape(2, -1).astype(np.float64)
+    return np.asarray(1 / (1 + np.exp(background - target)))
 
 
 def cosine_window(side: int) -> Floats:

@@ -1,0 +1,70 @@
+"""The reference trackers' crops, which differ in how they round corners and colours.
+
+All are `FrameView.crop`, so that they work on steadied views as well: that one takes its corner
+from a centre that may be any half pixel, which says any whole corner exactly. On an unsteadied
+view each is its reference's crop bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import Image
+from ssiam.stabilize import FrameView
+from ssiam.stabilize.view import Colour
+
+Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Colour], Image]
+
+
+def pysot_crop(
+    view: FrameView, centre_xy: tuple[float, float], side: int, out: int, fill: Colour
+) -> Image:
+    """Crop of STVIR/pysot: corners rounded half up; `FrameView.crop` itself.
+
+    Parameters
+    ----------
+    view : FrameView
+    centre_xy : (x, y)
+        Steadied pixels.
+    side, out : int
+        Side of the square in steadied pixels, and of the result.
+    fill : (3,) float64
+        Colour (BGR) of what lies outside of the frame; its fractions are cut off.
+
+    Returns
+    -------
+    (out, out, 3) uint8 BGR
+    """
+    return view.crop(centre_xy, side, out, fill)
+
+
+def siammask_crop(
+    view: FrameView, centre_xy: tuple[float, float], side: int, out: int, fill: Colour
+) -> Image:
+    """Crop of foolwood/SiamMask: as `pysot_crop`, but with corners rounded half to even."""
+    left, top = (round(c - (side + 1) / 2) for c in centre_xy)
+    return view.crop(_centre(left, top, side), side, out, fill)
+
+
+def siamfc_crop(
+    view: FrameView, centre_xy: NDArray[np.float32], side: float, out: int, fill: Colour
+) -> Image:
+    """Crop of huanglianghua/siamfc-pytorch, in RGB: side, corners and colour all rounded to even.
+
+    As `pysot_crop`, with a `side` of any fraction, `fill` as RGB, and the centre (2,) in single
+    precision, which decides some roundings. The result is (out, out, 3) uint8 **RGB**.
+    """
+    whole = round(side)
+    left, top = (int(np.rint(c)) for c in centre_xy - np.float32((whole - 1) / 2))
+    crop = view.crop(_centre(left, top, whole), whole, out, np.rint(fill[::-1]))
+    return np.asarray(cv2.cvtColor(crop, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _centre(left: int, top: int, side: int) -> tuple[float, float]:
+    """The centre from which `FrameView.crop` takes the corner (left, top)."""
+    return left + (side + 1) / 2, top + (side + 1) / 2

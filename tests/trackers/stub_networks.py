@@ -1,0 +1,154 @@
+"""Networks without weights: the reference's fixed maps, and ones that see a marker.
+
+Each is a callable as the trackers take them, and keeps what it was given.
+"""
+
+import cv2
+import numpy as np
+
+from synthetic import generator
+
+MARKER = (255, 0, 255)  # the same in BGR and RGB
+ANCHOR = 2  # 64x64
+
+
+class Stub:
+    """Answers call number t = 1, 2, ... with ``answer(t, *inputs)``."""
+
+    input_shapes = output_shapes = ()
+    convolutions = 0
+
+    def __init__(self, answer):
+        self.answer, self.given = answer, []
+
+    def __call__(self, *inputs):
+        self.given.append(inputs)
+        return self.answer(len(self.given), *inputs)
+
+
+def kernels(t, crop):
+    """A template that is the crop itself, in two parts."""
+    return [crop[:, :1], crop[:, 1:]]
+
+
+def fixed_maps(side):
+    """Search network that gives the reference's random maps whatever it sees."""
+
+    def answer(t, crop, *kernels):
+        cls = generator(1000 + t).standard_normal((1, 10, side, side)).astype(np.float32)
+        loc = (0.3 * generator(2000 + t).standard_normal((1, 20, side, side))).astype(np.float32)
+        return [cls, loc]
+
+    return Stub(answer)
+
+
+def fixed_features():
+    """As `fixed_maps`, followed by a mask network's features, all zero."""
+    maps = fixed_maps(25)
+    shapes = ((1, 1, 25, 25), (1, 1, 125, 125), (1, 1, 63, 63), (1, 1, 31, 31))
+    features = [np.zeros(shape, np.float32) for shape in shapes]
+    return Stub(lambda t, *inputs: [*maps(*inputs), *features])
+
+
+def fixed_refinement():
+    """Refinement that gives the reference's turning ellipse with a limb."""
+
+    def answer(t, *windows):
+        angle, cx, cy = 0.15 * t + 0.3, 63 + 2 * np.sin(t), 63 + 3 * np.cos(t)
+        v, u = np.mgrid[0:127, 0:127].astype(float)
+        p = (u - cx) * np.cos(angle) + (v - cy) * np.sin(angle)
+        q = -(u - cx) * np.sin(angle) + (v - cy) * np.cos(angle)
+        a, b = 34 + t, 20
+        body = 6 * (1 - (p / a) ** 2 - (q / b) ** 2)
+        limb = 6 * (1 - ((p - a) / 8) ** 2 - ((q - 4) / 14) ** 2)
+        logits = np.maximum(np.maximum(body, limb), -12)
+        return [logits.reshape(1, -1).astype(np.float32)]
+
+    return Stub(answer)
+
+
+def fixed_responses():
+    """SiamFC's search network that gives the reference's wandering bump."""
+
+    def answer(t, crops, kernel):
+        px, py = 8 + 2 * np.sin(t), 8 + 1.5 * np.cos(2 * t)
+        yy, xx = np.mgrid[0:17, 0:17]
+        bump = np.exp(-((xx - px) ** 2 + (yy - py) ** 2) / 8)
+        stack = [bump * (0.95 + 0.01 * (t % 7)), bump, bump * (0.95 + 0.01 * (t % 9))]
+        noise = 0.02 * generator(3000 + t).standard_normal((3, 17, 17))
+        return [(np.stack(stack) + noise).astype(np.float32)[:, None]]
+
+    return Stub(answer)
+
+
+def marked(crop):
+    """Where a crop (3, S, S) shows the marker's colour: (S, S) bool."""
+    return (np.abs(crop - np.array(MARKER)[:, None, None]) < 90).all(axis=0)
+
+
+def seeing_maps(side=25):
+    """Search network that puts one anchor exactly on the marker; no marker, no score."""
+
+    def answer(t, crop, *kernels):
+        cls = np.zeros((1, 10, side, side), np.float32)
+        cls[:, :5] = 8
+        loc = np.zeros((1, 20, side, side), np.float32)
+        rows, columns = np.nonzero(marked(crop[0]))
+        if len(rows):
+            middle = (crop.shape[-1] - 1) / 2
+            dx, dy = (columns.mean() - middle) / 8, (rows.mean() - middle) / 8
+            column, row = (int(np.clip(np.rint(d) + side // 2, 0, side - 1)) for d in (dx, dy))
+            cls[0, ANCHOR, row, column], cls[0, 5 + ANCHOR, row, column] = 0, 8
+            numbers = (
+                (dx - column + side // 2) / 8,
+                (dy - row + side // 2) / 8,
+                np.log((np.ptp(columns) + 1) / 64),
+                np.log((np.ptp(rows) + 1) / 64),
+            )
+            loc[0, ANCHOR::5, row, column] = numbers
+        return [cls, loc]
+
+    return Stub(answer)
+
+
+def seeing_features():
+    """As `seeing_maps`, with x0 = 1 where the crop shows the marker: feature i sees 2 * i + 3."""
+    maps = seeing_maps()
+
+    def answer(t, crop, *kernels):
+        x0 = np.zeros((1, 1, 125, 125), np.float32)
+        x0[0, 0] = marked(crop[0])[3:253:2, 3:253:2]
+        others = [np.zeros((1, 1, n, n), np.float32) for n in (25, 63, 31)]
+        return [*maps(crop), others[0], x0, *others[1:]]
+
+    return Stub(answer)
+
+
+def seeing_refinement():
+    """Logits of 8 or -8 from a window of that x0."""
+
+    def answer(t, x0, p1, p2, corr):
+        fine = cv2.resize(x0[0, 0], (122, 122), interpolation=cv2.INTER_NEAREST)
+        logits = np.full((127, 127), -8, np.float32)
+        logits[2:124, 2:124] += 16 * fine
+        return [logits.reshape(1, -1)]
+
+    return Stub(answer)
+
+
+def seeing_responses():
+    """SiamFC's search network with a bump on the marker, the higher the nearer its true size."""
+
+    def answer(t, crops, kernel):
+        yy, xx = np.mgrid[0:17, 0:17]
+        wanted = marked(kernel[0]).sum()
+        responses = np.zeros((3, 1, 17, 17), np.float32)
+        for crop, response in zip(crops, responses, strict=True):
+            rows, columns = np.nonzero(marked(crop))
+            if len(rows):
+                px, py = columns.mean() / 8 - 7.875, rows.mean() / 8 - 7.875
+                height = 4 - 4 * abs(np.log(len(rows) / wanted))
+                response += height * np.exp(-((xx - px) ** 2 + (yy - py) ** 2) / 4)
+        return [responses]
+
+    return Stub(answer)

@@ -1,0 +1,99 @@
+"""SiamFC's loop against the reference's on fixed responses, and on networks that see a marker."""
+
+import numpy as np
+import pytest
+
+from ssiam import FrameView
+from ssiam.geometry import frame_centre, rigid
+from ssiam.trackers.crops import siamfc_crop
+from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
+from synthetic import golden_video
+from trackers.loops import LoopTests, assert_crops, crop_sides, sha256
+from trackers.stub_networks import Stub, fixed_responses, seeing_responses
+
+
+def whole(t, crop):
+    """A template that is the crop itself."""
+    return [crop]
+
+
+@pytest.mark.parametrize("video", ["A", "B"])
+def test_loop_is_the_reference(golden, monkeypatch, video):
+    z = golden(f"loops/siamfc_{video}.npz")
+    frames, box = golden_video(video)
+    template, search = Stub(whole), fixed_responses()
+    tracker = SiamFc(SiamFcNetworks(template, search))
+    sides = crop_sides(monkeypatch)
+    tracker.init(FrameView(frames[0]), box)
+    for t, frame in enumerate(frames[1:]):
+        x, y, w, h = tracker.track(FrameView(frame)).box
+        cy, cx = z["center_yx"][t]
+        assert (x + (w - 1) / 2, y + (h - 1) / 2) == pytest.approx((cx, cy), abs=1e-6)
+        assert (h, w) == pytest.approx(z["target_sz_hw"][t], abs=1e-6)
+        assert (x + 1, y + 1, w, h) == pytest.approx(z["box_1based"][t], abs=1e-5)
+        assert tracker._search_side == pytest.approx(z["x_sz"][t], abs=1e-6)
+    assert sides == np.rint(z["crop_sizes"]).tolist()
+    assert_crops(z, template, search)
+
+
+def test_window_and_scales_are_the_reference(golden):
+    z = golden("loops/siamfc_A.npz")
+    tracker = SiamFc(SiamFcNetworks(Stub(whole), fixed_responses()))
+    np.testing.assert_allclose(tracker._factors, z["scale_factors"], atol=1e-8)
+    np.testing.assert_allclose(tracker._window[::16, ::16], z["hann_272_sum1_stride"])
+
+
+def test_crops_are_the_reference(golden):
+    z = golden("loops/functions.npz")
+    frames, _ = golden_video("A", 1)
+    fill = frames[0].mean(axis=(0, 1))[::-1]
+    for number, (cy, cx, side, out) in enumerate(z["siamfc_cases_yx_size_out"]):
+        centre = np.array([cx, cy], np.float32)
+        crop = siamfc_crop(FrameView(frames[0]), centre, side, int(out), fill)
+        assert sha256(crop) == z[f"siamfc_crop_{number}_sha256"]
+
+
+def test_a_steadied_crop_is_that_of_the_rendered_view():
+    frames, _ = golden_video("A", 1)
+    view = FrameView(frames[0], rigid(7, -4, 0.1, frame_centre((320, 240))))
+    centre = np.array([160.0, 120.0], np.float32)
+    fill = np.array([255.0, 128.0, 0.0])
+    steadied = siamfc_crop(view, centre, 90.4, 127, fill).astype(int)
+    rendered = siamfc_crop(FrameView(view.render()), centre, 90.4, 127, fill)
+    assert abs(steadied - rendered).mean() < 4
+
+
+def flat_tracker(responses):
+    answer = Stub(lambda t, crops, kernel: [np.full((3, 1, 17, 17), 0.1, np.float32) * responses])
+    return SiamFc(SiamFcNetworks(Stub(whole), answer))
+
+
+@pytest.mark.parametrize(
+    ("favoured", "size_wh", "low", "high"),
+    [
+        pytest.param(0, (5, 2.5), (4, 2), (4.2, 2.1), id="shrinking"),
+        pytest.param(2, (120, 60), (155, 77.5), (160, 80), id="growing"),
+    ],
+)
+def test_sizes_that_run_away_stop(favoured, size_wh, low, high):
+    """Where the reference ends with an empty crop, or with one that fills the memory."""
+    responses = np.ones((3, 1, 1, 1), np.float32)
+    responses[favoured] = 2
+    tracker = flat_tracker(responses)
+    view = FrameView(np.zeros((120, 160, 3), np.uint8))
+    tracker.init(view, (20, 30, *size_wh))
+    sizes = [tracker.track(view).box[2:] for _ in range(20)]
+    assert (low <= np.array(sizes[-1])).all()
+    assert (np.array(sizes[-1]) <= high).all()
+
+
+def test_the_score_is_the_sigmoid_of_the_response():
+    tracker = flat_tracker(np.ones((3, 1, 1, 1), np.float32))
+    view = FrameView(np.zeros((120, 160, 3), np.uint8))
+    tracker.init(view, (60, 50, 20, 10))
+    assert tracker.track(view).score == pytest.approx(1 / (1 + np.exp(-0.1)), abs=1e-4)
+
+
+class TestOnMarker(LoopTests):
+    def tracker(self):
+        return SiamFc(SiamFcNetworks(Stub(whole), seeing_responses()))

@@ -1,0 +1,85 @@
+"""SiamRPN's loop against the references' on fixed maps, and on networks that see a marker."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ssiam import FrameView
+from ssiam.trackers import siammask
+from ssiam.trackers.crops import siammask_crop
+from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
+from synthetic import golden_video
+from trackers.loops import LoopTests, assert_crops, chosen_indices, crop_sides, sha256
+from trackers.stub_networks import Stub, fixed_maps, kernels, seeing_maps
+
+# foolwood/SiamMask without its mask: one of its loops for upright boxes.
+LOOPS = {
+    "siamrpn_r50_l234_dwxcorr": PARAMETERS["siamrpn_r50_l234_dwxcorr"],
+    "siamrpn_alex_dwxcorr": PARAMETERS["siamrpn_alex_dwxcorr"],
+    "fool-box": siammask.PARAMETERS["siammask_vot"],
+}
+
+
+def stub_tracker(search, parameters=PARAMETERS["siamrpn_r50_l234_dwxcorr"]):
+    return SiamRpn(SiamRpnNetworks(Stub(kernels), search), parameters)
+
+
+@pytest.mark.parametrize("video", ["A", "B"])
+@pytest.mark.parametrize("name", LOOPS)
+def test_loop_is_the_reference(golden, monkeypatch, name, video):
+    z = golden(f"loops/{name}_{video}.npz")
+    frames, box = golden_video(video)
+    parameters = LOOPS[name]
+    template, search = Stub(kernels), fixed_maps(parameters.side)
+    tracker = SiamRpn(SiamRpnNetworks(template, search), parameters)
+    indices, sides = chosen_indices(monkeypatch), crop_sides(monkeypatch)
+    tracker.init(FrameView(frames[0]), box)
+    for t, frame in enumerate(frames[1:]):
+        track = tracker.track(FrameView(frame))
+        assert track.box == pytest.approx(z["bbox"][t], abs=1e-5)
+        assert track.score == pytest.approx(z["score"][t], abs=1e-6)
+        assert track.corners is None
+    assert indices == z["best_idx"].tolist()
+    assert sides == z["crop_sizes"].tolist()
+    assert_crops(z, template, search)
+
+
+def test_all_kernels_reach_the_search():
+    search = fixed_maps(25)
+    tracker = stub_tracker(search)
+    frames, box = golden_video("A", 2)
+    tracker.init(FrameView(frames[0]), box)
+    tracker.track(FrameView(frames[1]))
+    assert [each.shape[1] for each in search.given[0]] == [3, 1, 2]
+
+
+def test_crops_of_the_siammask_authors(golden):
+    z = golden("loops/functions.npz")
+    frames, _ = golden_video("A", 1)
+    view, fill = FrameView(frames[0]), frames[0].mean(axis=(0, 1))
+    for number, (cx, cy, out, side) in enumerate(z["subwindow_cases"]):
+        crop = siammask_crop(view, (cx, cy), int(side), int(out), fill)
+        assert sha256(crop.transpose(2, 0, 1)) == z[f"subwindow_foolwood_{number}_sha256"]
+
+
+def test_a_first_box_is_centred_as_each_loop_does():
+    frames, box = golden_video("A", 1)
+    pysot = stub_tracker(seeing_maps())
+    authors = stub_tracker(seeing_maps(), replace(LOOPS["fool-box"], lr=0.0))
+    for tracker, centre in ((pysot, (83.5, 121.5)), (authors, (84.0, 122.0))):
+        tracker.init(FrameView(frames[0]), box)
+        assert tracker._state.centre_xy == centre
+
+
+class TestOnMarker(LoopTests):
+    """Whatever the maps say: places, borders, states."""
+
+    def tracker(self):
+        return stub_tracker(seeing_maps())
+
+    def test_no_marker_is_lost(self):
+        tracker, frames = self.started()
+        track = tracker.track(FrameView(np.zeros_like(frames[1])))
+        assert track.lost
+        assert track.score < 0.01
