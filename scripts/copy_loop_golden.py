@@ -24,6 +24,12 @@ TARGET = CHECKOUT / "tests" / "golden" / "loops"
 HASHED = ("z_crop_u8", "x_crop_t1_u8_s2", "x_crop_tlast_u8_s2")
 LEFT_OUT = ("mask_in_img_t5", "versions")
 
+# Of the loops on networks with weights by rule.
+NET = (
+    *("bbox", "score", "best_idx", "margin", "polygon", "s_x"),
+    *("box_1based", "center_yx", "target_sz_hw"),
+)
+
 # Of functions.npz and functions_cv4.npz.
 FUNCTIONS = re.compile(
     r"(subwindow_foolwood_\d+_sha256|siamfc_(cases|crop_\d+_sha256).*|subwindow_cases|anchors_\d+"
@@ -40,6 +46,9 @@ def main() -> None:
         arrays = dict(np.load(path))
         if "polygon" in arrays or not path.stem.endswith("_cv4"):  # boxes are the same with all
             write(path.stem.removeprefix("loop_stub_"), loop(arrays))
+    for path in sorted((SHARED / "golden").glob("loop_net_*.npz")):
+        arrays = dict(np.load(path))
+        write(path.stem.removeprefix("loop_"), {key: arrays[key] for key in NET if key in arrays})
     for name, wanted in (("functions", FUNCTIONS), ("functions_cv4", OF_THE_VERSION)):
         functions = np.load(SHARED / "golden" / f"{name}.npz")
         write(name, {key: thinned(key, functions[key]) for key in functions if wanted.match(key)})

@@ -8,8 +8,9 @@ from networks.rule_weights import GOLDEN, crop
 torch = pytest.importorskip("torch")
 
 from networks.files import rule_state, saved  # noqa: E402
-from ssiam.networks import cut_windows, inference_graphs, read_checkpoint  # noqa: E402
+from ssiam.networks import inference_graphs, read_checkpoint  # noqa: E402
 from ssiam.networks.checkpoints import load_weights  # noqa: E402
+from ssiam.trackers.mask_windows import refinement_windows  # noqa: E402
 
 TOLERANCE = 1e-4  # of an array's greatest magnitude
 REFINED = [(12, 12), (0, 0), (24, 24), (5, 17)]  # rows and columns
@@ -115,8 +116,8 @@ def _siammask(network, refine, pieces):
         "mask_full_at_12_12": masks[0, :, 12, 12],
         "mask_corr_feature": pieces[2],
     }
-    arrays = [piece.numpy() for piece in pieces[2:]]
+    corr, *features = [piece.numpy() for piece in pieces[2:]]
     for row, column in REFINED:
-        windows = cut_windows(*arrays, row=row, column=column)
+        windows = refinement_windows(corr, features, (row, column))
         found[f"refine_{row}_{column}"] = refine(*map(torch.from_numpy, windows))
     return found

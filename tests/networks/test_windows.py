@@ -1,25 +1,21 @@
+"""What the refinement network is given, whatever ran the search."""
+
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
-from ssiam.networks import cut_windows
+from ssiam.trackers.mask_windows import refinement_windows
 
 SHAPES = ((1, 256, 25, 25), (1, 64, 125, 125), (1, 256, 63, 63), (1, 512, 31, 31))
 
 
-@pytest.mark.parametrize(("row", "column"), [(0, 0), (24, 24), (3, 21), (12, 12)])
-def test_windows_are_those_of_padded_features(row, column):
+@pytest.mark.parametrize("cell", [(0, 0), (24, 24), (3, 21), (12, 12)])
+def test_windows_are_those_of_padded_features(cell):
     random = np.random.default_rng(0)
     corr, x0, p1, p2 = (random.random(shape, dtype=np.float32) for shape in SHAPES)
-    windows = cut_windows(corr, x0, p1, p2, row=row, column=column)
-    for window, features, pad, stride, side in (
-        (windows.x0, x0, 16, 4, 61),
-        (windows.p1, p1, 8, 2, 31),
-        (windows.p2, p2, 4, 1, 15),
-        (windows.corr, corr, 0, 1, 1),
-    ):
+    windows = refinement_windows(corr, [x0, p1, p2], cell)
+    layout = ((x0, 16, 4, 61), (p1, 8, 2, 31), (p2, 4, 1, 15), (corr, 0, 1, 1))
+    for window, (features, pad, stride, side) in zip(windows, layout, strict=True):
         padded = np.pad(features, ((0, 0), (0, 0), (pad, pad), (pad, pad)))
-        rows, columns = (slice(stride * i, stride * i + side) for i in (row, column))
+        rows, columns = (slice(stride * i, stride * i + side) for i in cell)
         assert np.array_equal(window, padded[:, :, rows, columns])
         assert window.dtype == np.float32

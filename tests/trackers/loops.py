@@ -126,7 +126,6 @@ class LoopTests:
             assert off_centre(track.box, box) < 2.0
             assert track.box[2] == pytest.approx(40, abs=4)
             assert 0.8 < track.score <= 1
-            assert not track.lost
 
     @pytest.mark.parametrize("stab_from_raw", STEADYINGS)
     def test_a_steadied_view_gives_the_mapped_box(self, stab_from_raw):
@@ -138,6 +137,21 @@ class LoopTests:
             track = tracker.track(view)
             assert off_centre(track.box, map_box(stab_from_raw, box)) < 2.0
             assert off_centre(track.mapped(view.raw_from_stab, SIZE).box, box) < 2.0
+
+    def test_a_target_far_away_is_found_where_it_is_sought(self):
+        tracker, _ = self.started()
+        far, near = (250.0, 20.0, 40.0, 40.0), (243.0, 26.0, 40.0, 40.0)
+        assert off_centre(tracker.track(FrameView(picture(far))).box, far) > 20
+        assert off_centre(tracker.seek(FrameView(picture(far)), near).box, far) < 2.0
+        assert off_centre(tracker.track(FrameView(picture(far))).box, far) < 2.0
+
+    @pytest.mark.parametrize("stab_from_raw", STEADYINGS)
+    def test_seeking_goes_by_the_views_pixels(self, stab_from_raw):
+        tracker, _ = self.started()
+        far = (40.0, 160.0, 40.0, 40.0)
+        sought = map_box(stab_from_raw, far)
+        track = tracker.seek(FrameView(picture(far), stab_from_raw, border=20), sought)
+        assert off_centre(track.box, sought) < 2.0
 
     def test_another_shares_no_state(self):
         frames, _ = moving(BOX)

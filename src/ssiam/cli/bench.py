@@ -26,7 +26,7 @@ def bench(
     *dataset: Path,
     out: Annotated[Path, Parameter(group=_WHAT)],
     trackers: Annotated[str | None, Parameter(group=_WHAT)] = None,
-    stabilize: Annotated[str, Parameter(group=_WHAT)] = "off,paper",
+    stabilize: Annotated[str, Parameter(group=_WHAT)] = "off,paper,predict",
     weights: Annotated[list[str] | None, Parameter(group=_WHAT, negative=())] = None,
     protocol: Annotated[ProtocolName, Parameter(group=_WHAT)] = "vot",
     preset_name: Annotated[str | None, Parameter(name="--preset", group=_WHAT)] = None,
@@ -55,7 +55,7 @@ def bench(
     trackers
         Names, separated by commas; with --preset those that are at hand unless given.
     stabilize
-        Ways of steadying, separated by commas: off, paper, literal.
+        Ways of steadying, separated by commas: off, paper, literal, predict.
     weights
         NAME=PATH of a tracker's networks. Give it again for each further tracker.
     protocol

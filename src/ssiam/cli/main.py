@@ -33,6 +33,7 @@ app.command("ssiam.cli.eval:evaluate", name="eval")
 app.command("ssiam.cli.tables:tables", name="tables")
 app.command("ssiam.cli.tune:tune", name="tune")
 app.command("ssiam.cli.trax:trax", name="trax")
+app.command("ssiam.cli.weights:weights", name="weights")
 app.command("ssiam.cli.vot_workspace:vot_workspace", name="vot-workspace")
 
 

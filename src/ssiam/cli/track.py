@@ -21,7 +21,7 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
 from ssiam.video import Frame, RawFormat, Source, open_source
 
-_PAPER = StabilizerConfig()
+_STEADY = StabilizerConfig()
 
 _TARGET = Group("Target", sort_key=1)
 _OUTPUT = Group("Output", sort_key=2)
@@ -47,7 +47,7 @@ def track(
     raw: Annotated[str | None, Parameter(group=_RUNNING)] = None,
     runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
     threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _PAPER,
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _STEADY,
 ) -> None:
     """Follow targets through a video from a moving camera.
 

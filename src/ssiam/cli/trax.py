@@ -14,7 +14,7 @@ from ssiam.runtime import RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, TrackerName, load_tracker
 
-_PAPER = StabilizerConfig()
+_STEADY = StabilizerConfig()
 
 _STEADYING = Group("Steadying", sort_key=1)
 
@@ -25,7 +25,7 @@ def trax(
     weights: Path | None = None,
     runtime: RuntimeName = "openvino",
     threads: int = 1,
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _PAPER,
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _STEADY,
 ) -> None:
     """Serve a tracker to a TraX client, such as the official VOT toolkit.
 

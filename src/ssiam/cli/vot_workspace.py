@@ -25,7 +25,7 @@ def vot_workspace(
     /,
     *,
     trackers: str = "csrt",
-    stabilize: str = "off,paper",
+    stabilize: str = "off,paper,predict",
     weights: Annotated[list[str] | None, Parameter(negative=())] = None,
     stack: str | None = None,
     sequences: Path | None = None,
@@ -42,7 +42,7 @@ def vot_workspace(
     trackers
         Trackers, separated by commas.
     stabilize
-        Ways of steadying, separated by commas: off, paper, literal.
+        Ways of steadying, separated by commas: off, paper, literal, predict.
     weights
         NAME=PATH, the networks of a tracker that has any; give it again for each of them.
     stack

@@ -11,7 +11,11 @@ from ssiam.errors import ArgumentError, check_choice
 from ssiam.stabilize import StabilizerConfig
 
 _PAPER: Final = StabilizerConfig("paper")
-_FIELDS: Final = tuple(field.name for field in fields(_PAPER) if field.name != "stabilize")
+_FIELDS: Final = tuple(
+    field.name
+    for field in fields(_PAPER)
+    if field.name != "stabilize" and not isinstance(getattr(_PAPER, field.name), bool)
+)
 # Between two values that are tried: pixels; of everything else that is no whole number, _FINE.
 _STEPS: Final = {"thx1": 1.0, "thy1": 1.0, "thx2": 1.0, "thy2": 1.0}
 _FINE: Final = 0.01

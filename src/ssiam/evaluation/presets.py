@@ -11,8 +11,9 @@ from ssiam.errors import check_choice
 from ssiam.evaluation.eao import known_year
 from ssiam.evaluation.entries import Entry
 from ssiam.motion import KEYPOINTS
+from ssiam.runtime import PUBLISHED
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import TRACKERS
+from ssiam.trackers import TRACKERS, TrackerName
 
 PresetName: TypeAlias = Literal["table1", "table2", "table3", "table4"]
 PRESETS: Final[tuple[PresetName, ...]] = get_args(PresetName)
@@ -38,11 +39,11 @@ _CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
     "table4": (_OFF, _PAPER),
 }
 
-# The paper's trackers, and where their networks are published.
-_TRACKERS: Final = {
-    "SiamFC": "github.com/huanglianghua/siamfc-pytorch",
-    "SiamRPN++": "github.com/STVIR/pysot (siamrpn_r50_l234_dwxcorr)",
-    "SiamMask_E": "github.com/STVIR/pysot (siammask_r50_l3) with github.com/baoxinchen/siammask_e",
+# The paper's trackers, by their names there.
+_TRACKERS: Final[dict[str, TrackerName]] = {
+    "SiamFC": "siamfc",
+    "SiamRPN++": "siamrpn_r50_l234_dwxcorr",
+    "SiamMask_E": "siammask_e",
 }
 # Years of VOT that a table needs; of Tables 2 and 3 the year is not known.
 _YEARS: Final[dict[PresetName, tuple[int, ...]]] = {
@@ -100,8 +101,10 @@ def preset(
     names = [*_FREE, *(each for each in TRACKERS if each in weights)]
     chosen = [check_choice("tracker", each, TRACKERS) for each in trackers or names]
     missing = [
-        f"{each}: not in this version of ssiam; its authors' is at {where}"
-        for each, where in _TRACKERS.items()
+        f"{theirs}: give --weights {name}=FILE; its authors publish {PUBLISHED[name].file} at "
+        f"{PUBLISHED[name].where}"
+        for theirs, name in _TRACKERS.items()
+        if name not in chosen
     ]
     if datasets is not None:
         missing += _missing_data(table, {known_year(each) for each in datasets})

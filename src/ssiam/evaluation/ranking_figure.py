@@ -13,8 +13,8 @@ from ssiam.evaluation.vot_toolkit import ar_point, scores
 from ssiam.stabilize import METHODS, StabilizerConfig
 
 # By way of steadying; results of other programs are drawn as "off".
-_LINES: Final = {"off": "--", "paper": "-", "literal": ":"}
-_MARKERS: Final = {"off": "o", "paper": "s", "literal": "^"}
+_LINES: Final = {"off": "--", "paper": "-", "literal": ":", "predict": "-."}
+_MARKERS: Final = {"off": "o", "paper": "s", "literal": "^", "predict": "D"}
 _DEFAULTS: Final = (None, *(StabilizerConfig(method) for method in METHODS))
 
 

@@ -15,7 +15,8 @@ except ModuleNotFoundError as error:
     ) from error
 
 from ssiam.networks.catalogue import NETWORKS, NetworkName, build_network
-from ssiam.networks.checkpoints import read_checkpoint
+from ssiam.networks.checkpoints import Checkpoint, read_checkpoint
+from ssiam.networks.export import write_onnx
 from ssiam.networks.graphs import (
     InferenceGraph,
     MaskGraph,
@@ -24,21 +25,26 @@ from ssiam.networks.graphs import (
     TemplateGraph,
     inference_graphs,
 )
+from ssiam.networks.runners import GraphRunner, runners
+from ssiam.networks.shapes import PieceShapes, piece_shapes
 from ssiam.networks.siamese import SiameseNetwork
-from ssiam.networks.windows import Windows, cut_windows
 
 __all__ = [
     "NETWORKS",
+    "Checkpoint",
+    "GraphRunner",
     "InferenceGraph",
     "MaskGraph",
     "NetworkName",
+    "PieceShapes",
     "RefineGraph",
     "SearchGraph",
     "SiameseNetwork",
     "TemplateGraph",
-    "Windows",
     "build_network",
-    "cut_windows",
     "inference_graphs",
+    "piece_shapes",
     "read_checkpoint",
+    "runners",
+    "write_onnx",
 ]

@@ -64,6 +64,8 @@ class SearchGraph(nn.Module):
 class MaskGraph(nn.Module):
     """Correlation (1, 256, n, n) -> mask logits (1, 3969, n, n), 63 x 63 a cell; n may be 1."""
 
+    input_shapes = ((1, 256, 1, 1),)
+
     input_names: tuple[str, ...] = ("corr",)
     output_names: tuple[str, ...] = ("logits",)
 
@@ -79,9 +81,11 @@ class MaskGraph(nn.Module):
 class RefineGraph(nn.Module):
     """Windows of the search features about one cell -> mask logits (1, 16129), 127 x 127.
 
-    The windows are those of `ssiam.networks.windows`: x0 (1, 64, 61, 61), p1 (1, 256, 31, 31),
-    p2 (1, 512, 15, 15), corr (1, 256, 1, 1).
+    The windows are x0 (1, 64, 61, 61), p1 (1, 256, 31, 31), p2 (1, 512, 15, 15) and corr
+    (1, 256, 1, 1); `ssiam.trackers.mask_windows` cuts them.
     """
+
+    input_shapes = ((1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15), (1, 256, 1, 1))
 
     input_names: tuple[str, ...] = ("x0", "p1", "p2", "corr")
     output_names: tuple[str, ...] = ("logits",)

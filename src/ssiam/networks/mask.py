@@ -1,6 +1,6 @@
 """Refinement of SiamMask: a mask of 127 x 127 from one cell of the correlation.
 
-Its inputs are windows of the search features about that cell; `ssiam.networks.windows` cuts them.
+Its inputs are windows of the search features about that cell, which the tracker cuts.
 """
 
 from __future__ import annotations

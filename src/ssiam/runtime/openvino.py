@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
-from ssiam.errors import WeightsError
-from ssiam.runtime.network import Tensor
+from ssiam.runtime.files import cache_folder, check_onnx, damaged, misshapen, not_quantised
+from ssiam.runtime.network import Precision, Tensor
 
 # Importing OpenVINO reports to a web service from a forked process, unasked, and where there is no
 # network that process can hang and keep this one from ending. Without the reporting package
@@ -18,10 +20,12 @@ sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
 import openvino as ov  # noqa: E402
 
 _CORE = ov.Core()
+_LOG = logging.getLogger(__name__)
+_WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
 
 
 class OpenVinoNetwork:
-    """An ONNX file compiled for this CPU, in float32.
+    """An ONNX file compiled for this CPU.
 
     Parameters
     ----------
@@ -31,32 +35,47 @@ class OpenVinoNetwork:
         Shape that the first input is given in place of the file's own.
     threads : int
         CPU threads of one inference.
+    precision : {"f32", "bf16", "int8"}
+        "bf16" needs a CPU that computes in it (AVX-512 or AMX); on others it is float32, with a
+        warning in the log. "int8" asks for a file that was exported so; layers of such a file
+        that are not in int8 run in float32.
+    cached : bool
+        Keep a large network compiled in the user's cache folder, if that can be written.
 
     Raises
     ------
     WeightsError
-        The file is missing, is no ONNX file, or is damaged.
+        The file is missing, is no ONNX file, is damaged, or is not in int8.
     """
 
     def __init__(
-        self, path: Path, input_shape: tuple[int, ...] | None = None, threads: int = 1
+        self,
+        path: Path,
+        input_shape: tuple[int, ...] | None = None,
+        threads: int = 1,
+        precision: Precision = "f32",
+        *,
+        cached: bool = True,
     ) -> None:
         model = _read(path)
         if input_shape is not None:
             try:
                 model.reshape({0: list(input_shape)})
             except RuntimeError as error:
-                raise WeightsError(
-                    f"{path} does not take an input of shape {input_shape}: "
-                    "these are weights of another network"
-                ) from error
-        self._convolutions = sum("Convolution" in op.get_type_name() for op in model.get_ops())
-        settings = {
+                raise misshapen(path, input_shape) from error
+        kinds = [op.get_type_name() for op in model.get_ops()]
+        self._convolutions = sum("Convolution" in kind for kind in kinds)
+        if precision == "int8" and not {"FakeQuantize", "QuantizeLinear"} & set(kinds):
+            raise not_quantised(path)
+        settings: dict[str, Any] = {
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
-            "INFERENCE_PRECISION_HINT": "f32",  # the same boxes on every CPU
+            # A pinned thread waits for its core while another process has it, and others are free.
+            "ENABLE_CPU_PINNING": False,
+            "INFERENCE_PRECISION_HINT": _arithmetic(precision),
         }
-        self._compiled = _CORE.compile_model(model, "CPU", settings)
+        cached = cached and path.stat().st_size >= _WORTH_CACHING
+        self._compiled = _compiled(model, settings, cached=cached)
         self._request = self._compiled.create_infer_request()
 
     @property
@@ -80,24 +99,33 @@ class OpenVinoNetwork:
         return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
 
 
+def computes_in_bf16() -> bool:
+    """Whether this CPU has bf16 arithmetic that OpenVINO uses."""
+    return "BF16" in _CORE.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+
+
+def _arithmetic(precision: Precision) -> str:
+    """OpenVINO's name of the arithmetic; float32 gives the same boxes on every CPU."""
+    if precision == "bf16" and not computes_in_bf16():
+        _LOG.warning("this CPU has no bf16 arithmetic: the network runs in f32")
+        return "f32"
+    return "bf16" if precision == "bf16" else "f32"
+
+
+def _compiled(model: ov.Model, settings: dict[str, Any], *, cached: bool) -> ov.CompiledModel:
+    if cached:
+        folder = cache_folder() / "openvino"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            return _CORE.compile_model(model, "CPU", settings | {"CACHE_DIR": str(folder)})
+        except (OSError, RuntimeError) as error:
+            _LOG.info("compiled networks are not kept in %s: %s", folder, error)
+    return _CORE.compile_model(model, "CPU", settings)
+
+
 def _read(path: Path) -> ov.Model:
-    if not path.is_file():
-        raise WeightsError(f"weights {path} do not exist: give the path of an .onnx file")
-    with path.open("rb") as file:
-        start = file.read(64).lstrip()
-    if start.startswith(b"<"):
-        raise WeightsError(
-            f"weights {path} are a web page (they start with {start[:14]!r}), "
-            "not a network: download the file itself"
-        )
-    # An ONNX file starts with its ir_version: protobuf field 1, a varint.
-    if not start.startswith(b"\x08"):
-        raise WeightsError(f"weights {path} are not an ONNX file (they start with {start[:8]!r})")
+    check_onnx(path)
     try:
         return _CORE.read_model(path)
     except RuntimeError as error:
-        size = path.stat().st_size
-        raise WeightsError(
-            f"weights {path} cannot be read: the file is damaged or cut short ({size} bytes); "
-            "download it again"
-        ) from error
+        raise damaged(path) from error

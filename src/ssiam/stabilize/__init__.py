@@ -2,7 +2,16 @@
 
 from ssiam.stabilize.config import METHODS, Method, StabilizerConfig
 from ssiam.stabilize.path import CameraPath
+from ssiam.stabilize.prediction import Prediction
 from ssiam.stabilize.stabilizer import Stabilizer
 from ssiam.stabilize.view import FrameView
 
-__all__ = ["METHODS", "CameraPath", "FrameView", "Method", "Stabilizer", "StabilizerConfig"]
+__all__ = [
+    "METHODS",
+    "CameraPath",
+    "FrameView",
+    "Method",
+    "Prediction",
+    "Stabilizer",
+    "StabilizerConfig",
+]

@@ -22,6 +22,9 @@ class ViewTracker(Protocol):
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
 
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`, wherever it was before."""
+
     def another(self) -> ViewTracker:
         """A tracker of the same kind, without a target, that shares what can be shared."""
 

@@ -7,14 +7,21 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
-from ssiam.runtime import RuntimeName
+from ssiam.runtime import DeviceName, Precision, Running, RuntimeName
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
-from ssiam.trackers.nanotrack import PARAMETERS, NanoTrack, NanoTrackName, NanoTrackNetworks
+from ssiam.trackers.loading import SiameseName, needed_weights, siamese_tracker
+from ssiam.trackers.nanotrack import (
+    CONFIDENCE,
+    PARAMETERS,
+    NanoTrack,
+    NanoTrackName,
+    NanoTrackNetworks,
+)
 from ssiam.trackers.opencv import OpenCvName, OpenCvTracker
 from ssiam.trackers.steadied import SteadiedTracker
 
-TrackerName: TypeAlias = Literal[OpenCvName, NanoTrackName]
+TrackerName: TypeAlias = Literal[OpenCvName, NanoTrackName, SiameseName]
 TRACKERS: tuple[TrackerName, ...] = get_args(TrackerName)
 DEFAULT_TRACKER: TrackerName = "csrt"
 
@@ -23,9 +30,11 @@ def load_tracker(
     name: TrackerName | None = None,
     *,
     weights: str | os.PathLike[str] | None = None,
-    stabilize: Method | StabilizerConfig = "paper",
+    stabilize: Method | StabilizerConfig = "predict",
     runtime: RuntimeName = "openvino",
     threads: int = 1,
+    precision: Precision = "f32",
+    device: DeviceName | None = None,
 ) -> SteadiedTracker:
     """A tracker by its name, steadied.
 
@@ -34,20 +43,30 @@ def load_tracker(
     name : str, optional
         One of `TRACKERS`; None is the default tracker, which needs no weights.
     weights : path, optional
-        File or folder of the networks, for trackers that have any.
-    stabilize : {"off", "paper", "literal"} or StabilizerConfig
+        File or folder of the networks, for trackers that have any: the authors' .pth file, or
+        .onnx files. None takes those that `ssiam weights import` has stored.
+    stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" is the tracker alone.
-    runtime : {"openvino"}
-        What runs the networks.
+    runtime : {"openvino", "onnxruntime", "torch"}
+        What runs the networks. With the first two a .pth file is exported to ONNX once, into the
+        user's cache folder.
     threads : int
         CPU threads of one inference.
+    precision : {"f32", "bf16", "f16", "int8"}
+        Of the networks' arithmetic. bf16: openvino, torch; f16: torch on a graphics card; int8:
+        openvino, onnxruntime, with files exported so.
+    device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
+        None is the CPU, the only one of openvino; onnxruntime has cuda, tensorrt and coreml,
+        torch cuda and mps.
 
     Raises
     ------
     ValueError
-        Unknown tracker, stabilisation or runtime.
+        Unknown tracker, stabilisation or runtime, or a runtime without that precision or device.
     WeightsError
         Weights that are missing, damaged or of another network.
+    MissingExtraError
+        The runtime, or what reads the weights, is not installed.
 
     Examples
     --------
@@ -57,24 +76,23 @@ def load_tracker(
     """
     name = name or DEFAULT_TRACKER
     check_choice("tracker", name, TRACKERS)
-    if threads < 1:
-        raise ArgumentError(f"threads is {threads}: it must be at least 1")
+    running = Running(runtime, threads, precision, device)
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
-    return SteadiedTracker(_view_tracker(name, path, runtime, threads), config)
+    return SteadiedTracker(_view_tracker(name, path, running), config)
 
 
-def _view_tracker(
-    name: TrackerName, weights: Path | None, runtime: RuntimeName, threads: int
-) -> ViewTracker:
+def _view_tracker(name: TrackerName, weights: Path | None, running: Running) -> ViewTracker:
     if name == "csrt" or name == "kcf" or name == "mil":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
         return OpenCvTracker(name)
-    if weights is None:
-        raise WeightsError(
-            f"tracker {name} needs weights: give the folder of its two .onnx files "
-            "(published at github.com/HonglinChu/SiamTrackers)"
+    found = needed_weights(name, weights)
+    if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
+        if running.precision != "f32" or running.where != "cpu":
+            raise ArgumentError(f"tracker {name} runs in f32 on the CPU")
+        networks = NanoTrackNetworks.load(
+            name, found, runtime=running.runtime, threads=running.threads
         )
-    networks = NanoTrackNetworks.load(name, weights, runtime=runtime, threads=threads)
-    return NanoTrack(networks, PARAMETERS[name])
+        return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name])
+    return siamese_tracker(name, found, running)

@@ -13,9 +13,10 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from ssiam.errors import WeightsError
-from ssiam.geometry import XYWH, Image
+from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeName, Tensor, load_network
 from ssiam.stabilize import FrameView
+from ssiam.trackers.confidence import Confidence, Usual, look
 from ssiam.trackers.siamese import (
     EXEMPLAR,
     Floats,
@@ -23,6 +24,8 @@ from ssiam.trackers.siamese import (
     TargetState,
     choose,
     cosine_window,
+    crop_tensor,
+    foreground,
     moved,
 )
 from ssiam.trackers.track import Track
@@ -31,7 +34,10 @@ NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3
 
 _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between points of the response map
-_LOST_BELOW: Final = 0.3  # score
+_LOGITS: Final = (-6.0, 12.0)  # beyond these a score says no more
+_SURE: Final = 8.0  # logit from which it does not matter what the target looks like
+_UNSURE: Final = 4.0  # by how much a logit is below that where it matters wholly
+_KNOWN: Final = 6.0  # logit from which the target has come to look as it does
 _HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the same shapes
     "nanotrack_v1": 18,
     "nanotrack_v2": 34,
@@ -42,6 +48,12 @@ PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
     "nanotrack_v1": SearchParameters(penalty_k=0.148, window_influence=0.462, lr=0.390),
     "nanotrack_v2": SearchParameters(penalty_k=0.150, window_influence=0.490, lr=0.385),
     "nanotrack_v3": SearchParameters(penalty_k=0.138, window_influence=0.455, lr=0.348),
+}
+
+CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
+    "nanotrack_v1": Confidence((0.44, 26.0), -0.9),
+    "nanotrack_v2": Confidence((0.81, 23.0), -3.5),
+    "nanotrack_v3": Confidence((0.48, 31.0), -1.9),
 }
 
 
@@ -104,11 +116,17 @@ class NanoTrack:
     ----------
     networks : NanoTrackNetworks
     parameters : SearchParameters
+    confidence : Confidence
+        Of the chosen candidate's logit, and by how much its features are less like the template's
+        than usual.
     """
 
-    def __init__(self, networks: NanoTrackNetworks, parameters: SearchParameters) -> None:
+    def __init__(
+        self, networks: NanoTrackNetworks, parameters: SearchParameters, confidence: Confidence
+    ) -> None:
         self._networks = networks
         self._parameters = parameters
+        self._confidence = confidence
         side = networks.head.output_shapes[0][-1]
         self._window = cosine_window(side)
         offsets = (np.arange(side) - side // 2) * float(_STRIDE)
@@ -120,26 +138,41 @@ class NanoTrack:
         self._fill: Floats = view.raw.mean(axis=(0, 1))
         side = round(self._state.context_side)
         crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
-        (self._template,) = self._networks.template(_tensor(crop))
+        (self._template,) = self._networks.template(crop_tensor(crop))
+        size = np.array(self._state.size_wh) * EXEMPLAR / self._state.context_side
+        self._usual = Usual()
+        self._first_look = look(self._template, _STRIDE, np.array([0, 0, *size]))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
         zoom = EXEMPLAR / self._state.context_side
         crop = view.crop(self._state.centre_xy, round(_SEARCH / zoom), _SEARCH, self._fill)
-        (features,) = self._networks.search(_tensor(crop))
+        (features,) = self._networks.search(crop_tensor(crop))
         score_maps, distances = self._networks.head(self._template, features)
-        score = _foreground(score_maps)
+        score = foreground(score_maps)
         boxes = self._boxes(distances)
         size = np.array(self._state.size_wh) * zoom
         best, penalty = choose(boxes, score, size, self._window, self._parameters)
         rate = penalty * score[best] * self._parameters.lr
         self._state = moved(self._state, boxes[:, best], zoom, rate, view)
-        confidence = float(score[best])
-        return Track(self._state.xywh, score=confidence, lost=confidence < _LOST_BELOW)
+        background, target = score_maps[0].reshape(2, -1)[:, best]
+        likeness = float(self._first_look @ look(features, _STRIDE, boxes[:, best]))
+        logit = float(np.clip(target - background, *_LOGITS))
+        doubt = float(np.clip((_SURE - logit) / _UNSURE, 0, 1))
+        shortfall = self._usual.shortfall(likeness, sure=logit > _KNOWN)
+        evidence = logit, doubt * shortfall
+        probability = self._confidence.probability(evidence)
+        return Track(self._state.xywh, score=probability, evidence=evidence)
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`."""
+        x, y, w, h = xywh
+        self._state = TargetState((x + w / 2, y + h / 2), (w, h))
+        return self.track(view)
 
     def another(self) -> NanoTrack:
         """A second tracker on the same networks."""
-        return NanoTrack(self._networks, self._parameters)
+        return NanoTrack(self._networks, self._parameters, self._confidence)
 
     def _boxes(self, distances: Tensor) -> Floats:
         """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
@@ -148,17 +181,6 @@ class NanoTrack:
         return np.stack(
             [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
         )
-
-
-def _tensor(crop: Image) -> Tensor:
-    """(1, 3, side, side) float32, BGR in 0..255."""
-    return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)
-
-
-def _foreground(score_maps: Tensor) -> Floats:
-    """Softmax over background and foreground (1, 2, n, n) -> foreground (n * n,)."""
-    background, foreground = score_maps[0].reshape(2, -1).astype(np.float64)
-    return np.asarray(1 / (1 + np.exp(background - foreground)))
 
 
 def _onnx_pair(weights: Path) -> tuple[Path, Path]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
+from ssiam.trackers.appearance import Appearance
 from ssiam.trackers.base import pixel_box
+from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.track import Track
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
@@ -18,14 +20,22 @@ _CREATE: dict[OpenCvName, Any] = {
     "kcf": cv2.TrackerKCF.create,
     "mil": cv2.TrackerMIL.create,
 }
+_CONFIDENCE: Final = Confidence((6.3, 1.4), -4.9)  # of the likeness to first and recent look
+_LEARNT: Final = 0.6  # score from which a box is taken as the recent look
+_TAKEN: Final = 0.7  # score from which a place that was found is taken
+_REACH: Final = 1.5  # target sizes around the place where it is looked for
+# Longer sides of the last box, on each of its sides, that are drawn: all that they look at.
+_SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
+_SEEN_MORE: Final = 40.0  # px that are drawn beyond these
 
 
 class OpenCvTracker:
     """One of OpenCV's trackers on the rendered view.
 
-    They tell no score, only whether they still have the target: 1 or 0. When they have not, the
-    last box is kept. CSRT and KCF repeat their results; OpenCV seeds MIL's samples from the clock,
-    so its runs differ by a pixel or so.
+    They tell no score, only whether they still have the target, and CSRT and MIL not even that:
+    the score is that of the box's `Appearance`. When they have not, the last box is kept. CSRT and
+    KCF repeat their results; OpenCV seeds MIL's samples from the clock, so its runs differ by a
+    pixel or so.
 
     Parameters
     ----------
@@ -39,6 +49,39 @@ class OpenCvTracker:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Start on `xywh`, rounded to whole pixels as OpenCV wants it."""
+        self._appearance = Appearance(view, xywh)
+        self._start(view, xywh)
+
+    def track(self, view: FrameView) -> Track:
+        """The target in the next view."""
+        found, (x, y, w, h) = self._tracker.update(view.render(self._surroundings))
+        if not found or w <= 0 or h <= 0:
+            return Track(self._xywh, score=0.0)
+        # The border is an offset of the rendered picture (eq. 9).
+        self._xywh = float(x - view.border), float(y - view.border), float(w), float(h)
+        track = self._judged(view, self._xywh)
+        if track.score > _LEARNT:
+            self._appearance.learn(view, self._xywh)
+        return track
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The place most like the target around `xywh`; followed from there if it is it."""
+        track = self._judged(view, self._appearance.find(view, xywh, _REACH))
+        if track.score > _TAKEN:
+            self._start(view, track.box)
+        return track
+
+    def another(self) -> OpenCvTracker:
+        """A second tracker of the same kind."""
+        return OpenCvTracker(self._name)
+
+    @property
+    def _surroundings(self) -> XYWH:
+        x, y, w, h = self._xywh
+        reach = _SEEN[self._name] * max(w, h) + _SEEN_MORE
+        return x - reach, y - reach, w + 2 * reach, h + 2 * reach
+
+    def _start(self, view: FrameView, xywh: XYWH) -> None:
         picture = view.render()
         x, y, w, h = xywh
         box = pixel_box(
@@ -48,15 +91,6 @@ class OpenCvTracker:
         self._tracker.init(picture, box)
         self._xywh = xywh
 
-    def track(self, view: FrameView) -> Track:
-        """The target in the next view."""
-        found, (x, y, w, h) = self._tracker.update(view.render())
-        if not found or w <= 0 or h <= 0:
-            return Track(self._xywh, score=0.0, lost=True)
-        # The border is an offset of the rendered picture (eq. 9).
-        self._xywh = float(x - view.border), float(y - view.border), float(w), float(h)
-        return Track(self._xywh)
-
-    def another(self) -> OpenCvTracker:
-        """A second tracker of the same kind."""
-        return OpenCvTracker(self._name)
+    def _judged(self, view: FrameView, xywh: XYWH) -> Track:
+        evidence = self._appearance.likeness(view, xywh)
+        return Track(xywh, score=_CONFIDENCE.probability(evidence), evidence=evidence)

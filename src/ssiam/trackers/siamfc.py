@@ -7,7 +7,7 @@ that of huanglianghua/siamfc-pytorch, in its single precision, which decides som
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from ssiam.trackers.crops import siamfc_crop
 from ssiam.trackers.siamese import CONTEXT, EXEMPLAR, Floats, crop_tensor
 from ssiam.trackers.track import Track
 
+SiamFcName: TypeAlias = Literal["siamfc"]
 Singles = NDArray[np.float32]
 
 _SEARCH: Final = 255  # px, side of the search crop
@@ -27,7 +28,6 @@ _STRIDE: Final = 8  # px of the search crop between cells of the response
 _UP: Final = 16  # finer cells in one cell of the response
 _FINE: Final = 17 * _UP  # side of the upsampled response
 _SMALLEST: Final = 2.0  # px, the target's shorter side
-_LOST_BELOW: Final = 0.3  # score
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,9 @@ class SiamFc:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; the frame's mean colour fills what is outside."""
-        x, y, w, h = xywh
-        self._centre: Singles = np.array([x + (w - 1) / 2, y + (h - 1) / 2], np.float32)
-        self._size: Singles = np.array([w, h], np.float32)
-        padded = self._size + np.float32(CONTEXT) * self._size.sum()
-        side = np.sqrt(np.prod(padded))
-        self._search_side = float(side * np.float32(_SEARCH) / np.float32(EXEMPLAR))
+        side = self._place(xywh)
         self._fill: Floats = view.raw.mean(axis=(0, 1))[::-1]
-        crop = siamfc_crop(view, self._centre, float(side), EXEMPLAR, self._fill)
+        crop = siamfc_crop(view, self._centre, side, EXEMPLAR, self._fill)
         (self._kernel,) = self._networks.template(crop_tensor(crop))
 
     def track(self, view: FrameView) -> Track:
@@ -113,7 +108,12 @@ class SiamFc:
         score = float((1 + np.tanh(float(fine[scale, row, column]) / 2)) / 2)
         self._move(np.array([column, row]), float(self._factors[scale]))
         self._resize(float(self._factors[scale]), view.size_wh)
-        return Track(self._xywh, score=score, lost=score < _LOST_BELOW)
+        return Track(self._xywh, score=score)
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`."""
+        self._place(xywh)
+        return self.track(view)
 
     def another(self) -> SiamFc:
         """A second tracker on the same networks."""
@@ -123,6 +123,16 @@ class SiamFc:
     def _xywh(self) -> XYWH:
         cx, cy, w, h = (float(v) for v in (*self._centre, *self._size))
         return cx - (w - 1) / 2, cy - (h - 1) / 2, w, h
+
+    def _place(self, xywh: XYWH) -> float:
+        """Set place and size to those of `xywh`; the side of its template, unrounded pixels."""
+        x, y, w, h = xywh
+        self._centre: Singles = np.array([x + (w - 1) / 2, y + (h - 1) / 2], np.float32)
+        self._size: Singles = np.array([w, h], np.float32)
+        padded = self._size + np.float32(CONTEXT) * self._size.sum()
+        side = np.sqrt(np.prod(padded))
+        self._search_side = float(side * np.float32(_SEARCH) / np.float32(EXEMPLAR))
+        return float(side)
 
     def _responses(self, view: FrameView) -> Tensor:
         """Responses (3, 272, 272) around the last place, at the three scales."""

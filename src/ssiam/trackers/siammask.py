@@ -18,11 +18,11 @@ from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
 from ssiam.trackers.siamese import TargetState, kept_inside
 from ssiam.trackers.siamrpn import (
-    LOST_BELOW,
     AnchorSearch,
     Found,
     SiamRpnNetworks,
     SiamRpnParameters,
+    state_at,
 )
 from ssiam.trackers.track import Track
 
@@ -116,10 +116,14 @@ class SiamMask:
         return Track(
             self._state.xywh,
             score=found.score,
-            lost=found.score < LOST_BELOW,
             corners=self._corners(mask, margin, found.state),
             mask=mask[margin : margin + height, margin : margin + width],
         )
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`."""
+        self._state = state_at(xywh)
+        return self.track(view)
 
     def another(self) -> SiamMask:
         """A second tracker on the same networks."""

@@ -39,8 +39,6 @@ SiamRpnName: TypeAlias = Literal[
 ]
 Variant: TypeAlias = Literal["pysot", "siammask"]
 
-LOST_BELOW: Final = 0.3  # score
-
 
 @dataclass(frozen=True)
 class SiamRpnParameters(SearchParameters):
@@ -148,8 +146,13 @@ class AnchorSearch:
     def _state(self, xywh: XYWH) -> TargetState:
         if self._parameters.variant == "pysot":
             return TargetState.from_xywh(xywh)
-        x, y, w, h = xywh
-        return TargetState((x + w / 2, y + h / 2), (w, h))
+        return state_at(xywh)
+
+
+def state_at(xywh: XYWH) -> TargetState:
+    """The state whose reported box is `xywh`."""
+    x, y, w, h = xywh
+    return TargetState((x + w / 2, y + h / 2), (w, h))
 
 
 class SiamRpn:
@@ -174,7 +177,12 @@ class SiamRpn:
         """The target in the next view; its score is the chosen candidate's softmax."""
         found = self._search.find(view, self._state)
         self._state = kept_inside(found.state, view)
-        return Track(self._state.xywh, score=found.score, lost=found.score < LOST_BELOW)
+        return Track(self._state.xywh, score=found.score)
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`."""
+        self._state = state_at(xywh)
+        return self.track(view)
 
     def another(self) -> SiamRpn:
         """A second tracker on the same networks."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, check_box, check_frame
-from ssiam.motion import CameraMotion, Motion
-from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
+from ssiam.motion import CameraMotion, Motion, MotionAhead
+from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.pursuit import Pursuit
+from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
 
 
@@ -35,11 +36,12 @@ class SteadiedTracker:
         """How this tracker steadies its frames."""
         return self._config
 
-    def camera(self) -> CameraMotion | None:
+    def camera(self) -> MotionAhead | None:
         """A fresh motion estimator of this tracker's settings, None with stabilize="off"."""
-        if self._config.stabilize == "off":
+        config = self._config
+        if config.stabilize == "off":
             return None
-        return CameraMotion(self._config.keypoints, self._config.fit, model="rigid")
+        return MotionAhead(CameraMotion(config.keypoints, config.fit, model="rigid"))
 
     def another(self) -> SteadiedTracker:
         """A tracker of the same kind and settings, without a target, on the same networks."""
@@ -62,12 +64,14 @@ class SteadiedTracker:
         self._size_wh = check_frame(frame)
         self._box = check_box(box, self._size_wh)
         self._camera = self.camera()
-        self._stabilizer = Stabilizer(self._config)
         if self._camera is not None:
-            self._stabilizer.update(self._camera.update(frame))
-        self._tracker.init(FrameView(frame, border=self._border), self._box)
+            self._camera.update(frame)
+        make = Pursuit if self._config.stabilize == "predict" else Steadying
+        self._follower = make(self._tracker, self._config, frame, self._box)
 
-    def update(self, frame: Image, motion: Motion | None = None) -> Track:
+    def update(
+        self, frame: Image, motion: Motion | None = None, following: Image | None = None
+    ) -> Track:
         """The target in the next frame, in raw-frame pixels.
 
         Parameters
@@ -77,32 +81,36 @@ class SteadiedTracker:
         motion : Motion, optional
             The camera's motion to this frame, if it is already known (several targets in one
             video share one estimate); estimated from the frames otherwise.
+        following : (H, W, 3) uint8 BGR, optional
+            The frame after this one, where it is at hand: the camera's motion to it is estimated
+            while the tracker runs. It must be the next one that is given. Changes no result.
 
         Raises
         ------
         ValueError
-            The frame is not an image, or there is no target yet.
+            The frame is not an image, or there is no target yet, or not the frame that was
+            announced.
         FrameSizeError
             The frame's size is not that of the first one.
         """
         if self._box is None:
             raise ArgumentError("no target yet: call init(frame, box) before update(frame)")
         check_frame(frame, self._size_wh)
-        if self._camera is None:
-            track = self._tracker.track(FrameView(frame))
-        else:
-            if motion is None:
-                motion = self._camera.update(frame, exclude=self._box)
-            track = self._steadied(frame, motion)
-        self._box = track.box
+        if self._camera is not None:
+            motion = self._camera.update(frame, self._box, motion)
+        expected = self.expect(motion)
+        if self._camera is not None and following is not None and expected is not None:
+            self._camera.start(following, expected)
+        return self.look(frame)
+
+    def expect(self, motion: Motion | None) -> XYWH | None:
+        """The first half of an update: where the target will be, if that can be told."""
+        self._expected = self._follower.expect(motion)
+        return self._expected
+
+    def look(self, frame: Image) -> Track:
+        """The second half of an update: where the target is."""
+        check_frame(frame, self._size_wh)
+        track = self._follower.look(frame)
+        self._box = self._expected or track.box
         return track
-
-    def _steadied(self, frame: Image, motion: Motion) -> Track:
-        stab_from_raw = self._stabilizer.update(motion)
-        view = FrameView(frame, stab_from_raw, self._border)
-        track = self._tracker.track(view).mapped(view.raw_from_stab, self._size_wh)
-        return replace(track, motion=motion, stab_from_raw=stab_from_raw)
-
-    @property
-    def _border(self) -> int:
-        return 0 if self._config.stabilize == "off" else self._config.border

@@ -20,9 +20,11 @@ class Track:
     box : (x, y, w, h) floats
         Upright box, raw-frame pixels, 0-based.
     score : float
-        0..1, how much the tracker believes in the box.
+        0..1, the probability that the box overlaps the target by more than half; the same for
+        every tracker (`ssiam.trackers.confidence`).
     lost : bool
-        The tracker does not believe its own box.
+        The target is not in view, or nobody knows where; the box is then the place in the scene
+        where it was last seen.
     corners : (4, 2) float64 or None
         Rotated box of the mask trackers, raw-frame pixels.
     mask : (H, W) bool or None
@@ -31,6 +33,8 @@ class Track:
         The camera's motion to this frame; None with ``stabilize="off"``.
     stab_from_raw : (3, 3) float64 or None
         The steadying of this frame, M_t of eq. 7; None with ``stabilize="off"``.
+    evidence : tuple of float
+        What the score was made of; which numbers these are is each tracker's own affair.
     """
 
     box: XYWH
@@ -40,6 +44,7 @@ class Track:
     mask: NDArray[np.bool_] | None = None
     motion: Motion | None = None
     stab_from_raw: Transform | None = None
+    evidence: tuple[float, ...] = ()
 
     def mapped(self, to_from_from: Transform, size_wh: tuple[int, int]) -> Track:
         """The same target seen in another frame of (width, height) pixels (eq. 9)."""

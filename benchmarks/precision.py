@@ -1,0 +1,99 @@
+"""What fewer bits do to the boxes: NanoTrack over the real sequences in f32, bf16 and int8.
+
+    python benchmarks/precision.py [--tracker NAME] [--frames N] [--runtime NAME]
+
+Each sequence is tracked once from its first box, without steadying. The goal is a success (the
+area under OTB's curve) within .01 of that of f32. int8 is calibrated on every
+sequence's first frames. Needs the folder of test data (see shared_data.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+
+from shared_data import WEIGHTS, sequences
+from ssiam import FrameView
+from ssiam.datasets import Sequence
+from ssiam.evaluation.overlap import iou
+from ssiam.evaluation.success import mean_success, success
+from ssiam.runtime import Network, load_network
+from ssiam.runtime.calibration import calibration_feeds, quantise
+from ssiam.runtime.openvino import computes_in_bf16
+from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack, NanoTrackNetworks
+
+CALIBRATION = 2  # frames of each sequence
+SHAPES = ((1, 3, 127, 127), (1, 3, 255, 255))
+
+
+def networks(files: list[Path], runtime: str, precision: str) -> NanoTrackNetworks:
+    """NanoTrack's networks from [backbone, backbone of the search region, head]."""
+
+    def load(path: Path, shape: tuple[int, ...] | None = None) -> Network:
+        return load_network(path, shape, runtime=runtime, precision=precision)  # type: ignore[arg-type]
+
+    template, search, head = files
+    return NanoTrackNetworks(load(template, SHAPES[0]), load(search, SHAPES[1]), load(head))
+
+
+def in_int8(files: list[Path], pictures: list[np.ndarray], folder: Path) -> list[Path]:
+    """The files with the search region's backbone quantised, as `ssiam weights export` does it."""
+    template = networks(files, "openvino", "f32").template
+    feeds = calibration_feeds(template, SHAPES[1], pictures)
+    quantise(files[1], folder / "search.onnx", [[crop] for crop, _ in feeds])
+    return [files[0], folder / "search.onnx", files[2]]
+
+
+def followed(tracker: NanoTrack, sequence: Sequence, count: int) -> np.ndarray:
+    """Boxes (n, 4) of all frames, the first one's given."""
+    frames = islice(sequence.images(), count)
+    boxes = [sequence.box(0)]
+    tracker.init(FrameView(next(frames)), boxes[0])
+    return np.array([*boxes, *(tracker.track(FrameView(frame)).box for frame in frames)])
+
+
+def true_boxes(sequence: Sequence, count: int) -> np.ndarray:
+    """Upright boxes (count, 4) of the first frames."""
+    return np.array([sequence.box(i) for i in range(count)])
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tracker", default="nanotrack_v2")
+    parser.add_argument("--frames", type=int, default=10_000, help="at most, of a sequence")
+    parser.add_argument("--runtime", default="openvino")
+    given = parser.parse_args()
+    cv2.setNumThreads(1)
+    folder = WEIGHTS / given.tracker.replace("_", "")
+    backbone, head = (next(folder.glob(f"*{part}*.onnx")) for part in ("backbone", "head"))
+    files = [backbone, backbone, head]
+    clips = sequences()
+    pictures = [each for clip in clips.values() for each in islice(clip.images(), CALIBRATION)]
+    found: dict[str, list[np.ndarray]] = {}
+    with TemporaryDirectory() as temporary:
+        forms = {"f32": files, "int8": in_int8(files, pictures, Path(temporary))}
+        if given.runtime == "openvino" and computes_in_bf16():
+            forms["bf16"] = files
+        for precision, paths in forms.items():
+            arithmetic = "bf16" if precision == "bf16" else "f32"  # int8 is in the file
+            loaded = networks(paths, given.runtime, arithmetic)
+            tracker = NanoTrack(loaded, PARAMETERS[given.tracker], CONFIDENCE[given.tracker])
+            found[precision] = [followed(tracker, clip, given.frames) for clip in clips.values()]
+    if "bf16" not in found:
+        print("bf16 is left out: this CPU or runtime has no such arithmetic\n")
+    print("| precision | overlap with the boxes of f32 | success (AUC) |\n|---|---|---|")
+    for precision, runs in found.items():
+        same = np.mean([iou(*pair).mean() for pair in zip(runs, found["f32"], strict=True)])
+        pairs = zip(runs, clips.values(), strict=True)
+        auc = mean_success([success(run, true_boxes(clip, len(run))) for run, clip in pairs]).auc
+        print(f"| {precision} | {same:.4f} | {auc:.4f} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""Files of networks: what they are by their first bytes, their digest, and where ours are kept."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Final
+
+from ssiam.errors import WeightsError
+
+__all__ = ["cache_folder", "check_onnx", "damaged", "sha256"]
+
+_CHUNK: Final = 1 << 20  # bytes
+
+
+def cache_folder() -> Path:
+    """The folder of what can be made again, `ssiam` in the user's cache folder.
+
+    That is ``$XDG_CACHE_HOME/ssiam``, by default ``~/.cache/ssiam``; it need not exist.
+    """
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path("~/.cache").expanduser()) / "ssiam"
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file's bytes, 64 hexadecimal digits."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def check_onnx(path: Path) -> None:
+    """Refuse what the first bytes already show to be no ONNX file, with a `WeightsError`."""
+    if not path.is_file():
+        raise WeightsError(f"weights {path} do not exist: give the path of an .onnx file")
+    with path.open("rb") as file:
+        start = file.read(64).lstrip()
+    if start.startswith(b"<"):
+        raise WeightsError(
+            f"weights {path} are a web page (they start with {start[:14]!r}), "
+            "not a network: download the file itself"
+        )
+    # An ONNX file starts with its ir_version: protobuf field 1, a varint.
+    if not start.startswith(b"\x08"):
+        raise WeightsError(f"weights {path} are not an ONNX file (they start with {start[:8]!r})")
+
+
+def damaged(path: Path) -> WeightsError:
+    """The error for an ONNX file that starts well and cannot be read."""
+    return WeightsError(
+        f"weights {path} cannot be read: the file is damaged or cut short "
+        f"({path.stat().st_size} bytes); download it again"
+    )
+
+
+def misshapen(path: Path, shape: tuple[int, ...]) -> WeightsError:
+    """The error for a network that does not take an input of this shape."""
+    return WeightsError(
+        f"{path} does not take an input of shape {shape}: these are weights of another network"
+    )
+
+
+def not_quantised(path: Path) -> WeightsError:
+    """The error for a network that was to be run in int8 and holds no such layers."""
+    return WeightsError(
+        f"weights {path} are not in int8: export them so, "
+        "ssiam weights export NAME FILE --precision int8 --pictures VIDEO"
+    )

@@ -1,0 +1,134 @@
+"""`Prediction`: the view in which the target lies where the tracker last saw it.
+
+A Siamese tracker looks for its target around the place where it was. The camera's motion and the
+target's own tell where it will be: the frame is shown so that this place comes to lie where the
+tracker will look. Four predictions compete, and "where it was" wins unless another one has been
+clearly better of late: where nothing shakes nothing is changed.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import IDENTITY, XYWH, Transform, map_points
+from ssiam.motion import Motion
+from ssiam.stabilize.config import StabilizerConfig
+
+Point = NDArray[np.float64]
+
+_FARTHEST: Final = 2.0  # target sizes; a prediction that was farther off counts as this far off
+_TRUSTED: Final = 0.5  # score from which a tracker's box tells how good the predictions were
+_FORGET: Final = 0.5  # share of its speed that a target loses in each frame without trust
+_UPRIGHT: Final = 0.05  # share of the turn that is given back in each frame
+_HOME: Final = 0.02  # target sizes by which a view comes back towards the raw frame
+
+
+class Hypothesis(IntEnum):
+    """Where the target will be."""
+
+    STILL = 0  # where it was in the picture
+    MOVING = 1  # onwards, as it last moved in the picture
+    FIXED = 2  # where it was in the scene
+    MOVING_IN_SCENE = 3  # onwards, as it last moved in the scene
+
+
+_TURNING: Final = (Hypothesis.FIXED, Hypothesis.MOVING_IN_SCENE)
+
+
+class Prediction:
+    """Chooses ``stab_from_raw`` by where the target will be, one frame at a time.
+
+    Parameters
+    ----------
+    config : StabilizerConfig
+        `choose`, `speed`, `turn`, `trust`, `memory`, `smoothing` and `margin` of it.
+    xywh : (x, y, w, h)
+        The target in the first frame, raw-frame pixels.
+    """
+
+    def __init__(self, config: StabilizerConfig, xywh: XYWH) -> None:
+        self._config = config
+        self.stab_from_raw: Transform = IDENTITY
+        self._errors = np.zeros(len(Hypothesis))  # running means, target sizes
+        self._reliable = False
+        self.move_to(xywh)
+
+    def move_to(self, xywh: XYWH) -> None:
+        """The target is in `xywh`, wherever it was thought to be; nothing is known of its speed."""
+        self._take(xywh)
+        self._speeds = np.zeros((2, 2))  # px per frame: in the picture, in the scene
+
+    def update(self, motion: Motion) -> XYWH:
+        """Where the target will be in the next frame, reached by `motion`; raw-frame pixels.
+
+        `stab_from_raw` is then that frame's view.
+        """
+        self._reliable = motion.reliable
+        self._places = self._predicted(motion)
+        chosen = self._choice()
+        if chosen != Hypothesis.STILL:
+            turn = self.stab_from_raw[:2, :2]
+            if self._config.turn and chosen in _TURNING:
+                turn = _turn(turn @ np.linalg.inv(motion.cur_from_prev[:2, :2]))
+            self.stab_from_raw = self._shown(turn, self._places[chosen])
+        (x, y), (w, h) = self._places[chosen].tolist(), self._size_wh
+        return x - w / 2, y - h / 2, w, h
+
+    def observe(self, xywh: XYWH, score: float) -> None:
+        """The tracker has seen the target in `xywh` of the raw frame, with `score` 0..1."""
+        config, centre = self._config, _centre(xywh)
+        if config.trust and score < _TRUSTED:
+            self._speeds *= 1 - _FORGET
+        else:
+            if self._reliable:
+                off = np.linalg.norm(self._places - centre, axis=1) / self._size
+                keep = config.memory
+                self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
+            moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
+            self._speeds += (1 - config.smoothing) * (moved - self._speeds)
+        self._take(xywh)
+
+    def _take(self, xywh: XYWH) -> None:
+        self._centre, self._size_wh = _centre(xywh), xywh[2:]
+        self._size = math.sqrt(xywh[2] * xywh[3])
+
+    def _predicted(self, motion: Motion) -> Point:
+        """Where each hypothesis (4, 2) expects the target, raw-frame pixels."""
+        still = self._centre
+        fixed = map_points(motion.cur_from_prev, still[None])[0]
+        in_picture, in_scene = self._speeds if self._config.speed else np.zeros((2, 2))
+        return np.array([still, still + in_picture, fixed, fixed + in_scene])
+
+    def _choice(self) -> Hypothesis:
+        if not self._config.choose:
+            return Hypothesis.MOVING_IN_SCENE
+        best = Hypothesis(int(np.argmin(self._errors)))
+        better = self._errors[best] + self._config.margin < self._errors[Hypothesis.STILL]
+        return best if better else Hypothesis.STILL
+
+    def _shown(self, turn: NDArray[np.float64], place: Point) -> Transform:
+        """The view, turned, in which the raw-frame `place` lies where the target was seen."""
+        seen = map_points(self.stab_from_raw, self._centre[None])[0]
+        # Whole pictures are shown around the raw frame's own place: do not drift away from it.
+        seen += np.clip(place - seen, -_HOME * self._size, _HOME * self._size)
+        stab_from_raw = np.eye(3)
+        stab_from_raw[:2, :2] = turn
+        stab_from_raw[:2, 2] = seen - turn @ place
+        return stab_from_raw
+
+
+def _centre(xywh: XYWH) -> Point:
+    x, y, w, h = xywh
+    return np.array([x + w / 2, y + h / 2])
+
+
+def _turn(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotation (2, 2) nearest to a linear map, a little nearer to upright."""
+    angle = math.atan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1]) * (1 - _UPRIGHT)
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin], [sin, cos]])

@@ -1,0 +1,130 @@
+"""`Pursuit`: a tracker on predicted views, which finds a lost target again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+from ssiam.geometry import XYWH, Image, map_box
+from ssiam.motion import Motion
+from ssiam.stabilize import FrameView, Prediction, StabilizerConfig
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.track import Track
+from ssiam.trackers.watch import Watch
+
+_SURE: Final = 0.5  # score from which the target is where the box is
+_LIKELY: Final = 0.25  # score from which the box is remembered as the target's place
+# Where a search looks in turn, in units of its reach; every other time it looks where the target
+# seemed to be last.
+_ROUND: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
+_REACH: Final = (1.0, 4.0)  # target sizes: at first, and at most
+_GROWTH: Final = 0.1  # target sizes per frame
+_STRAY: Final = 1.0  # target sizes by which a doubtful box may leave the place
+_PATIENCE: Final = 10  # frames for which a target that seems lost is only followed
+
+
+class Pursuit:
+    """Follows one target with a `ViewTracker` on predicted views.
+
+    Parameters
+    ----------
+    tracker : ViewTracker
+    config : StabilizerConfig
+    frame : (H, W, 3) uint8 BGR
+    xywh : (x, y, w, h)
+        The target in it, raw-frame pixels.
+    """
+
+    def __init__(
+        self, tracker: ViewTracker, config: StabilizerConfig, frame: Image, xywh: XYWH
+    ) -> None:
+        self._tracker, self._config = tracker, config
+        self._prediction = Prediction(config, xywh)
+        self._watch = Watch()
+        self._place = xywh  # where the target was last surely seen, carried along with the scene
+        self._held = xywh  # the same, as it was when the scene was last cut
+        self._trail = xywh  # the tracker's own guess, carried along with the scene
+        self._seen_again = False
+        self._astray = False  # whether the tracker was left elsewhere than its last box
+        tracker.init(FrameView(frame, border=config.border), xywh)
+
+    def expect(self, motion: Motion | None) -> XYWH:
+        """Take the motion to the next frame; where the target will be in it, raw-frame pixels."""
+        assert motion is not None
+        self._motion = motion
+        self._carry(motion)
+        self._expected = self._prediction.update(motion)
+        return self._expected
+
+    def look(self, frame: Image) -> Track:
+        """The target in that frame, raw-frame pixels."""
+        stab_from_raw = self._prediction.stab_from_raw
+        view = FrameView(frame, stab_from_raw, self._config.border)
+        if self._watch.frames >= _PATIENCE and not self._seen_again:
+            track = self._sought(view)
+        else:
+            track = self._followed(view)
+        self._judge(track)
+        if self._watch.lost:
+            track = Track(self._trail, track.score, lost=True, evidence=track.evidence)
+        return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
+
+    def _carry(self, motion: Motion) -> None:
+        """Take the places along with the scene; a cut may come back to where it was."""
+        if motion.reliable:
+            self._place = map_box(motion.cur_from_prev, self._place)
+            self._trail = map_box(motion.cur_from_prev, self._trail)
+        elif not self._watch.lost:
+            self._held = self._place
+
+    def _followed(self, view: FrameView) -> Track:
+        """What the tracker sees, with a second look at the place if it says that it sees nothing."""
+        if self._astray:
+            first = self._seek(view, self._expected)
+        else:
+            first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
+        self._astray = False
+        if first.score > 0 or not self._config.find:
+            return first
+        second = self._seek(view, self._place)
+        self._astray = second.score <= first.score
+        return first if self._astray else second
+
+    def _sought(self, view: FrameView) -> Track:
+        """What the tracker sees where a lost target may be; its own trail is followed as well."""
+        count = self._watch.frames
+        if count % 2:
+            return self._seek(view, self._candidate(count // 2))
+        track = self._seek(view, self._trail)
+        self._trail = track.box if _near(track.box, self._place) else self._place
+        return track
+
+    def _seek(self, view: FrameView, xywh: XYWH) -> Track:
+        stab_xywh = map_box(view.stab_from_raw, xywh)
+        return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
+
+    def _judge(self, track: Track) -> None:
+        self._watch.update(track.score if self._config.find else 1.0)
+        sure = track.score > _SURE
+        self._seen_again = sure
+        if self._watch.frames >= _PATIENCE:
+            self._prediction.move_to(track.box if sure else self._trail)
+            return
+        if track.score > _LIKELY:
+            self._place = track.box
+        self._trail = track.box
+        self._prediction.observe(track.box, track.score)
+
+    def _candidate(self, step: int) -> XYWH:
+        """Where to look in this step of a search."""
+        x, y, w, h = self._held if step % 4 == 2 else self._place
+        reach = min(_REACH[0] + _GROWTH * step, _REACH[1]) * math.sqrt(w * h)
+        dx, dy = _ROUND[step % len(_ROUND)]
+        return x + dx * reach, y + dy * reach, w, h
+
+
+def _near(xywh: XYWH, place: XYWH) -> bool:
+    x, y, w, h = place
+    dx, dy = xywh[0] + xywh[2] / 2 - x - w / 2, xywh[1] + xywh[3] / 2 - y - h / 2
+    return math.hypot(dx, dy) <= _STRAY * math.sqrt(w * h)

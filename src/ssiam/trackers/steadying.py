@@ -1,0 +1,56 @@
+"""`Steadying`: a tracker on frames that are steadied as the paper does it, or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform
+from ssiam.motion import Motion
+from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.track import Track
+from ssiam.trackers.watch import Watch
+
+
+class Steadying:
+    """Follows one target with a `ViewTracker` on the views of a `Stabilizer`.
+
+    Parameters
+    ----------
+    tracker : ViewTracker
+    config : StabilizerConfig
+    frame : (H, W, 3) uint8 BGR
+    xywh : (x, y, w, h)
+        The target in it, raw-frame pixels.
+    """
+
+    def __init__(
+        self, tracker: ViewTracker, config: StabilizerConfig, frame: Image, xywh: XYWH
+    ) -> None:
+        self._tracker = tracker
+        self._stabilizer = Stabilizer(config)
+        self._border = 0 if config.stabilize == "off" else config.border
+        self._watch = Watch()
+        tracker.init(FrameView(frame, border=self._border), xywh)
+
+    def expect(self, motion: Motion | None) -> XYWH | None:
+        """Take the motion to the next frame; where the target will be is not known."""
+        self._motion = motion
+        self._stab_from_raw: Transform = (
+            IDENTITY if motion is None else self._stabilizer.update(motion)
+        )
+        return None
+
+    def look(self, frame: Image) -> Track:
+        """The target in that frame, raw-frame pixels."""
+        view = FrameView(frame, self._stab_from_raw, self._border)
+        track = self._tracker.track(view)
+        self._watch.update(track.score)
+        if self._motion is None:
+            return replace(track, lost=self._watch.lost)
+        return replace(
+            track.mapped(view.raw_from_stab, view.size_wh),
+            lost=self._watch.lost,
+            motion=self._motion,
+            stab_from_raw=self._stab_from_raw,
+        )

@@ -1,0 +1,45 @@
+"""Checkpoint files and exports of networks with weights by rule, each made once a test run."""
+
+import atexit
+import os
+import shutil
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+from networks.files import rule_state, saved
+
+SLOW = bool(os.environ.get("SSIAM_SLOW"))  # whether tests take their time
+
+NETWORKS = {  # golden file: names of its weights, network
+    "siamfc": ("siamfc_alexnet_e50", "siamfc"),
+    "siamrpn_alex_dwxcorr": ("siamrpn_alex_dwxcorr", "siamrpn_alex_dwxcorr"),
+    "siamrpn_mobilev2_l234_dwxcorr": ("siamrpn_mobilev2_l234_dwxcorr",) * 2,
+    "siamrpn_r50_l234_dwxcorr": ("siamrpn_r50_l234_dwxcorr",) * 2,
+    "siammask_r50_l3": ("siammask_r50_l3",) * 2,
+    "foolwood_siammask_sharp": ("SiamMask_foolwood_sharp", "siammask_r50_l3"),
+}
+
+
+@cache
+def folder() -> Path:
+    path = Path(mkdtemp(prefix="ssiam-tests-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
+
+
+@cache
+def checkpoint(golden: str) -> Path:
+    """The .pth file of a network, by the name of its golden file."""
+    keys, _ = NETWORKS[golden]
+    return saved(folder() / f"{golden}.pth", rule_state(keys))
+
+
+@cache
+def exported(golden: str) -> Path:
+    """The folder of its .onnx files."""
+    from ssiam.runtime.export import export_network
+
+    _, network = NETWORKS[golden]
+    export_network(checkpoint(golden), folder() / golden, name=network, network=network)
+    return folder() / golden

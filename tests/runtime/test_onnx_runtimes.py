@@ -1,0 +1,93 @@
+"""OpenVINO and ONNX Runtime on files that need nothing else."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from ssiam.errors import ArgumentError, WeightsError
+from ssiam.runtime import load_network, openvino
+
+RUNTIMES = ["openvino", "onnxruntime"]
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "ssiam" / "openvino"
+
+
+@pytest.fixture
+def backbone(shared):
+    return shared("data/weights/nanotrackv2/nanotrack_backbone_sim.onnx")
+
+
+@pytest.mark.parametrize("side", [None, 127])
+def test_the_runtimes_agree(backbone, side):
+    pytest.importorskip("onnxruntime")
+    shape = None if side is None else (1, 3, side, side)
+    ours, theirs = (load_network(backbone, shape, runtime=each) for each in RUNTIMES)
+    assert ours.input_shapes == theirs.input_shapes == [(1, 3, side or 255, side or 255)]
+    assert ours.output_shapes == theirs.output_shapes
+    assert ours.convolutions == theirs.convolutions
+    crop = np.random.default_rng(0).integers(0, 256, ours.input_shapes[0]).astype(np.float32)
+    (a,), (b,) = ours(crop), theirs(crop)
+    assert a.dtype == b.dtype == np.float32
+    assert abs(a - b).max() < 1e-4 * abs(b).max()
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+def test_damaged_files_and_wrong_shapes(backbone, tmp_path, runtime):
+    pytest.importorskip(runtime)
+    (tmp_path / "cut.onnx").write_bytes(backbone.read_bytes()[:90_000])
+    with pytest.raises(WeightsError, match="damaged or cut short"):
+        load_network(tmp_path / "cut.onnx", runtime=runtime)
+    with pytest.raises(WeightsError, match=r"does not take an input of shape \(1, 5, 127, 127\)"):
+        load_network(backbone, (1, 5, 127, 127), runtime=runtime)
+    with pytest.raises(WeightsError, match="do not exist"):
+        load_network(tmp_path / "none.onnx", runtime=runtime)
+
+
+@pytest.mark.parametrize("device", ["cuda", "tensorrt", "coreml"])
+def test_a_device_that_this_build_has_not(backbone, device):
+    ort = pytest.importorskip("onnxruntime")
+    if any(device in each.lower() for each in ort.get_available_providers()):
+        pytest.skip(f"this ONNX Runtime has {device}")
+    with pytest.raises(ArgumentError, match=f"device {device} is not in the installed") as caught:
+        load_network(backbone, runtime="onnxruntime", device=device)
+    assert "\n" not in str(caught.value)
+
+
+def test_large_networks_are_kept_compiled(backbone, cache, monkeypatch):
+    crop = np.full((1, 3, 255, 255), 90, np.float32)
+    expected = load_network(backbone)(crop)
+    assert not cache.exists()
+    monkeypatch.setattr(openvino, "_WORTH_CACHING", 0)
+    for _ in range(2):
+        np.testing.assert_array_equal(load_network(backbone)(crop), expected)
+        assert len(list(cache.iterdir())) == 1
+
+
+@pytest.mark.parametrize("damage", ["a file in the way", "a damaged entry"])
+def test_a_cache_that_is_of_no_use_stops_nothing(backbone, cache, monkeypatch, damage):
+    monkeypatch.setattr(openvino, "_WORTH_CACHING", 0)
+    crop = np.full((1, 3, 255, 255), 90, np.float32)
+    expected = load_network(backbone)(crop)
+    (entry,) = cache.iterdir()
+    content = entry.read_bytes()
+    entry.unlink()
+    if damage == "a damaged entry":
+        entry.write_bytes(content[: len(content) // 2])
+    else:
+        cache.rmdir()
+        cache.write_text("in the way")
+    np.testing.assert_array_equal(load_network(backbone)(crop), expected)
+
+
+def test_bf16_without_such_arithmetic_is_f32_with_a_warning(backbone, monkeypatch, caplog):
+    monkeypatch.setattr(openvino, "computes_in_bf16", lambda: False)
+    crop = np.full((1, 3, 255, 255), 90, np.float32)
+    with caplog.at_level(logging.WARNING):
+        found = load_network(backbone, precision="bf16")(crop)
+    assert "no bf16 arithmetic: the network runs in f32" in caplog.text
+    np.testing.assert_array_equal(found, load_network(backbone)(crop))

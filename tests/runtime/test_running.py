@@ -1,0 +1,72 @@
+"""What can be asked of which runtime, and what is said where it cannot be had."""
+
+import subprocess
+import sys
+
+import pytest
+
+from ssiam.errors import ArgumentError, WeightsError
+from ssiam.runtime import Running, load_network
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        pytest.param({"runtime": "magic"}, "unknown runtime 'magic'", id="runtime"),
+        pytest.param({"precision": "f64"}, "unknown precision 'f64'", id="precision"),
+        pytest.param({"threads": 0}, "threads is 0", id="threads"),
+        pytest.param(
+            {"runtime": "openvino", "device": "cuda"},
+            "openvino has no device 'cuda': choose from cpu",
+            id="device",
+        ),
+        pytest.param(
+            {"runtime": "onnxruntime", "precision": "bf16"},
+            "onnxruntime has no precision 'bf16': choose from f32, int8",
+            id="precision of another",
+        ),
+        pytest.param(
+            {"runtime": "torch", "precision": "f16"}, "f16 needs device cuda or mps", id="half"
+        ),
+    ],
+)
+def test_what_there_is_not(arguments, complaint):
+    with pytest.raises(ArgumentError, match=complaint):
+        Running(**arguments)
+
+
+def test_defaults():
+    assert Running().where == "cpu"
+    assert Running("torch", precision="f16", device="cuda").where == "cuda"
+
+
+def test_pytorch_does_not_run_onnx(tmp_path):
+    with pytest.raises(WeightsError, match="choose runtime openvino or onnxruntime"):
+        load_network(tmp_path / "x.onnx", runtime="torch")
+
+
+@pytest.mark.parametrize(
+    ("package", "code", "extra"),
+    [
+        ("onnxruntime", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
+        ("onnx", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('torch'))", "torch"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('openvino'))", "torch"),
+    ],
+)
+def test_a_missing_extra_is_named(tmp_path, package, code, extra):
+    for name in ("x.onnx", "x.pth"):
+        (tmp_path / name).write_bytes(b"\x08")
+    program = (
+        f"import sys; sys.modules[{package!r}] = None\n"
+        "from pathlib import Path\n"
+        "from ssiam import MissingExtraError\n"
+        "from ssiam.runtime import Running, load_network\n"
+        "from ssiam.runtime.pieces import load_pieces\n"
+        f"try:\n    {code}\nexcept MissingExtraError as error:\n    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert f"pip install 'ssiam[{extra}]'" in done.stdout, done.stderr
+    assert done.stdout.count("\n") == 1
