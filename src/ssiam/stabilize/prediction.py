@@ -54,7 +54,9 @@ class Prediction:
     def __init__(self, config: StabilizerConfig, xywh: XYWH) -> None:
         self._config = config
         self.stab_from_raw: Transform = IDENTITY
-        self._errors = np.zeros(len(Hypothesis))  # running means, target sizes
+        # Running means, target sizes. At first the camera is believed: a shake can lose the target
+        # in one frame, a pan that follows it cannot.
+        self._errors = np.array([1.01, 1.01, 0.0, 0.0]) * config.margin
         self._reliable = False
         self.move_to(xywh)
 

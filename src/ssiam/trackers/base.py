@@ -14,7 +14,14 @@ class ViewTracker(Protocol):
     """A tracker that looks at frames through a `FrameView` and never asks how it was steadied.
 
     Boxes go in and come out in the view's steadied coordinates.
+
+    Attributes
+    ----------
+    doubt : float
+        Score up to which it is worth while to `seek` in the same frame: 0 where that is costly.
     """
+
+    doubt: float
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the target in `xywh` as the one to follow, forgetting any other."""

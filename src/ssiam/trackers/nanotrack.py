@@ -121,6 +121,8 @@ class NanoTrack:
         than usual.
     """
 
+    doubt = 0.0
+
     def __init__(
         self, networks: NanoTrackNetworks, parameters: SearchParameters, confidence: Confidence
     ) -> None:

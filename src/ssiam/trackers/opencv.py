@@ -22,8 +22,8 @@ _CREATE: dict[OpenCvName, Any] = {
 }
 _CONFIDENCE: Final = Confidence((6.3, 1.4), -4.9)  # of the likeness to first and recent look
 _LEARNT: Final = 0.6  # score from which a box is taken as the recent look
-_TAKEN: Final = 0.7  # score from which a place that was found is taken
-_REACH: Final = 1.5  # target sizes around the place where it is looked for
+_TAKEN: Final = 0.4  # score from which a place that was found is taken
+_REACH: Final = 0.7  # target sizes around the place where it is looked for
 # Longer sides of the last box, on each of its sides, that are drawn: all that they look at.
 _SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
 _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
@@ -41,6 +41,8 @@ class OpenCvTracker:
     ----------
     name : {"csrt", "kcf", "mil"}
     """
+
+    doubt = 0.2
 
     def __init__(self, name: OpenCvName) -> None:
         self._name: OpenCvName = name

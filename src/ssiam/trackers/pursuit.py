@@ -14,14 +14,13 @@ from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
 _SURE: Final = 0.5  # score from which the target is where the box is
+_CERTAIN: Final = 0.75  # score with which a lost target is believed to be somewhere else
 _LIKELY: Final = 0.25  # score from which the box is remembered as the target's place
-# Where a search looks in turn, in units of its reach; every other time it looks where the target
-# seemed to be last.
+# Where a search looks in turn, in units of its reach.
 _ROUND: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
 _REACH: Final = (1.0, 4.0)  # target sizes: at first, and at most
 _GROWTH: Final = 0.1  # target sizes per frame
-_STRAY: Final = 1.0  # target sizes by which a doubtful box may leave the place
-_PATIENCE: Final = 10  # frames for which a target that seems lost is only followed
+_PATIENCE: Final = 25  # frames for which a target that seems lost is only followed
 
 
 class Pursuit:
@@ -79,26 +78,26 @@ class Pursuit:
             self._held = self._place
 
     def _followed(self, view: FrameView) -> Track:
-        """What the tracker sees, with a second look at the place if it says that it sees nothing."""
+        """What the tracker sees, with a second look if that is next to nothing."""
         if self._astray:
             first = self._seek(view, self._expected)
         else:
             first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
         self._astray = False
-        if first.score > 0 or not self._config.find:
+        if first.score > self._tracker.doubt or not self._config.find:
             return first
-        second = self._seek(view, self._place)
+        second = self._seek(view, self._expected)
         self._astray = second.score <= first.score
         return first if self._astray else second
 
     def _sought(self, view: FrameView) -> Track:
-        """What the tracker sees where a lost target may be; its own trail is followed as well."""
-        count = self._watch.frames
-        if count % 2:
-            return self._seek(view, self._candidate(count // 2))
-        track = self._seek(view, self._trail)
-        self._trail = track.box if _near(track.box, self._place) else self._place
-        return track
+        """What the tracker sees where it was going, or else where a lost target may be."""
+        own = self._seek(view, self._trail)
+        self._trail = own.box
+        if own.score > _LIKELY:
+            return own
+        other = self._seek(view, self._candidate(self._watch.frames))
+        return other if other.score > _CERTAIN else own
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
@@ -123,8 +122,3 @@ class Pursuit:
         dx, dy = _ROUND[step % len(_ROUND)]
         return x + dx * reach, y + dy * reach, w, h
 
-
-def _near(xywh: XYWH, place: XYWH) -> bool:
-    x, y, w, h = place
-    dx, dy = xywh[0] + xywh[2] / 2 - x - w / 2, xywh[1] + xywh[3] / 2 - y - h / 2
-    return math.hypot(dx, dy) <= _STRAY * math.sqrt(w * h)

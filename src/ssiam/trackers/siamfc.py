@@ -77,6 +77,8 @@ class SiamFc:
     parameters : SiamFcParameters, optional
     """
 
+    doubt = 0.0
+
     def __init__(
         self, networks: SiamFcNetworks, parameters: SiamFcParameters | None = None
     ) -> None:

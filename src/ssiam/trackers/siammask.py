@@ -94,6 +94,8 @@ class SiamMask:
     parameters : SiamMaskParameters
     """
 
+    doubt = 0.0
+
     def __init__(self, networks: SiamMaskNetworks, parameters: SiamMaskParameters) -> None:
         self._networks = networks
         self._parameters = parameters

@@ -164,6 +164,8 @@ class SiamRpn:
     parameters : SiamRpnParameters
     """
 
+    doubt = 0.0
+
     def __init__(self, networks: SiamRpnNetworks, parameters: SiamRpnParameters) -> None:
         self._networks = networks
         self._parameters = parameters

@@ -23,8 +23,7 @@ class Track:
         0..1, the probability that the box overlaps the target by more than half; the same for
         every tracker (`ssiam.trackers.confidence`).
     lost : bool
-        The target is not in view, or nobody knows where; the box is then the place in the scene
-        where it was last seen.
+        The target is not in view, or nobody knows where: the box is a guess, not to be shown.
     corners : (4, 2) float64 or None
         Rotated box of the mask trackers, raw-frame pixels.
     mask : (H, W) bool or None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 _MEMORY: Final = 0.65  # weight of the past in the running score
-_LOST: Final = 0.25  # running score below which the target is lost
-_FOUND: Final = 0.5  # and above which it is found again
+_LOST: Final = 0.2  # running score below which the target is lost
+_FOUND: Final = 0.35  # and above which it is found again
 
 
 class Watch:
