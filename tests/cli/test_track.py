@@ -89,7 +89,7 @@ def test_every_output_at_once(clip, tmp_path, capsys):
     assert all(str(path) in told for path in (out, results, plot))
 
 
-@pytest.mark.parametrize("stabilize", ["off", "paper", "literal"])
+@pytest.mark.parametrize("stabilize", ["off", "paper", "literal", "predict"])
 def test_each_way_of_steadying(clip, tmp_path, stabilize):
     path, truth = clip
     results = tmp_path / "r.csv"
@@ -113,7 +113,8 @@ def test_several_targets_share_one_motion(clip, tmp_path):
 def test_limits_are_options(clip, tmp_path):
     def steadied(*options):
         results = tmp_path / "r.csv"
-        arguments = ["--tracker", "kcf", "--results", str(results), *options]
+        arguments = ["--tracker", "kcf", "--stabilize", "paper", "--results", str(results)]
+        arguments += options
         assert main(["track", str(clip[0]), "--box", box_of(BOX), *arguments]) == 0
         return results.read_text()
 

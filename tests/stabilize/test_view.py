@@ -82,6 +82,44 @@ def test_unsteadied_render():
     assert not bordered[:20].any()
 
 
+PARTS = [
+    pytest.param((200.0, 100.0, 80.0, 60.0), id="inside"),
+    pytest.param((200.3, 100.8, 80.5, 60.1), id="fractions"),
+    pytest.param((-90.0, -70.0, 200.0, 150.0), id="beyond left and top"),
+    pytest.param((560.0, 300.0, 300.0, 200.0), id="beyond right and bottom"),
+    pytest.param((-500.0, 150.0, 2000.0, 30.0), id="beyond both sides"),
+    pytest.param((-1e4, -1e4, 2e4, 2e4), id="more than all"),
+    pytest.param((900.0, 100.0, 80.0, 60.0), id="right of it"),
+    pytest.param((100.0, -300.0, 80.0, 60.0), id="above it"),
+    pytest.param((300.0, 200.0, 0.5, 0.5), id="less than a pixel"),
+]
+
+
+@pytest.mark.parametrize("around", PARTS)
+@pytest.mark.parametrize("border", [0, 20])
+def test_a_part_of_a_render_is_that_part_and_black_around(around, border):
+    view = FrameView(np.maximum(world(), 1), STEADYING, border)
+    whole, part = view.render(), view.render(around)
+    x, y, w, h = around
+    rows, columns = (np.arange(n) - border for n in whole.shape[:2])  # steadied pixels
+    inside = np.outer((y <= rows) & (rows < y + h), (x <= columns) & (columns < x + w))
+    # A pixel more on each side may be drawn as well.
+    near = np.outer((y - 1 <= rows) & (rows <= y + h), (x - 1 <= columns) & (columns <= x + w))
+    assert part.shape == whole.shape
+    # Both round the places that they look at to 1/32 of a pixel, from other corners.
+    assert np.abs(part.astype(int) - whole)[inside].max(initial=0) <= 8
+    assert np.array_equal(part[inside].any(axis=1), whole[inside].any(axis=1))
+    assert not part[~near].any()
+
+
+@pytest.mark.parametrize("around", PARTS)
+def test_a_raw_view_is_rendered_whole(around):
+    frame = world()
+    assert FrameView(frame).render(around) is frame
+    view = FrameView(frame, border=20)
+    np.testing.assert_array_equal(view.render(around), view.render())
+
+
 def test_the_frame_is_never_changed():
     frame = world()
     before = frame.copy()

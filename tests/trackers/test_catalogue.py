@@ -4,7 +4,7 @@ import ssiam
 
 
 def test_default_tracker_needs_nothing():
-    assert ssiam.load_tracker().config.stabilize == "paper"
+    assert ssiam.load_tracker().config == ssiam.StabilizerConfig("predict")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import ssiam
+from ssiam import Motion
 from ssiam.geometry import map_box, map_points
 from ssiam.trackers import SteadiedTracker, Track
 from synthetic import generator, poses, seen, world
@@ -13,6 +14,8 @@ BOX = (300.0, 150.0, 40.0, 50.0)
 class StillTracker:
     """Answers, in steadied coordinates, that the target is where it was."""
 
+    doubt = 0.0
+
     def init(self, view, xywh):
         self.xywh = xywh
 
@@ -21,6 +24,10 @@ class StillTracker:
         mask = np.zeros((SIZE[1], SIZE[0]), bool)
         mask[150:200, 300:340] = True
         return Track(self.xywh, score=0.7, corners=corners, mask=mask)
+
+    def seek(self, view, xywh):
+        self.xywh = xywh
+        return self.track(view)
 
     def another(self):
         return StillTracker()
@@ -32,9 +39,10 @@ def shaken(count=40, seed=2, strength=(5, 3, 0.01)):
     return [seen(picture, pose) for pose in frame_from_world], frame_from_world
 
 
-def test_results_come_back_to_the_raw_frame():
+@pytest.mark.parametrize("stabilize", ["predict", "paper"])
+def test_results_come_back_to_the_raw_frame(stabilize):
     frames, _ = shaken()
-    tracker = SteadiedTracker(StillTracker(), ssiam.StabilizerConfig())
+    tracker = SteadiedTracker(StillTracker(), ssiam.StabilizerConfig(stabilize))
     tracker.init(frames[0], BOX)
     for frame in frames[1:]:
         track = tracker.update(frame)
@@ -51,7 +59,7 @@ def test_results_come_back_to_the_raw_frame():
 def test_a_still_answer_follows_the_background_under_shake():
     """Frozen in the steadied view = nearly fixed to the background in the raw one."""
     frames, frame_from_world = shaken(count=60)
-    tracker = SteadiedTracker(StillTracker(), ssiam.StabilizerConfig())
+    tracker = SteadiedTracker(StillTracker(), ssiam.StabilizerConfig("paper"))
     tracker.init(frames[0], BOX)
     start = np.linalg.inv(frame_from_world[0])
     for t, frame in enumerate(frames[1:], start=1):
@@ -73,19 +81,32 @@ def test_off_adds_nothing():
     assert track.stab_from_raw is None
 
 
-def test_motion_from_outside_is_used_as_given():
+@pytest.mark.xfail(strict=True, reason="the path begins with the second frame")
+def test_the_papers_path_begins_with_the_first_frame():
     frames, _ = shaken(count=8)
-    alone, given = (SteadiedTracker(StillTracker(), ssiam.StabilizerConfig()) for _ in range(2))
+    config = ssiam.StabilizerConfig("paper")
+    tracker, stabilizer = SteadiedTracker(StillTracker(), config), ssiam.Stabilizer(config)
+    tracker.init(frames[0], BOX)
+    stabilizer.update(Motion.none(SIZE, reliable=True))
+    for frame in frames[1:]:
+        track = tracker.update(frame)
+        np.testing.assert_allclose(track.stab_from_raw, stabilizer.update(track.motion))
+
+
+@pytest.mark.parametrize("stabilize", ["predict", "paper"])
+def test_motion_from_outside_is_used_as_given(stabilize):
+    frames, _ = shaken(count=8)
+    config = ssiam.StabilizerConfig(stabilize)
+    alone, given = (SteadiedTracker(StillTracker(), config) for _ in range(2))
     camera = given.camera()
     alone.init(frames[0], BOX)
     given.init(frames[0], BOX)
     camera.update(frames[0])
-    box = BOX
     for frame in frames[1:]:
-        track = alone.update(frame)
+        # What is left out of the estimate is where the target was expected, if that was told.
+        box = alone._box
         motion = camera.update(frame, exclude=box)
-        assert given.update(frame, motion=motion).box == track.box
-        box = track.box
+        assert given.update(frame, motion=motion).box == alone.update(frame).box
 
 
 def test_update_before_init_is_refused():
@@ -93,7 +114,7 @@ def test_update_before_init_is_refused():
         ssiam.load_tracker("csrt").update(world())
 
 
-@pytest.mark.parametrize("stabilize", ["off", "paper"])
+@pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 def test_a_frame_of_another_size_is_refused(stabilize):
     tracker = ssiam.load_tracker("kcf", stabilize=stabilize)
     tracker.init(world(), BOX)
@@ -107,7 +128,7 @@ def test_a_bad_box_is_refused():
 
 
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
-@pytest.mark.parametrize("stabilize", ["off", "paper", "literal"])
+@pytest.mark.parametrize("stabilize", ["off", "paper", "literal", "predict"])
 def test_opencv_trackers_follow_and_repeat(name, stabilize):
     frames, frame_from_world = shaken(count=8, strength=(2, 1.5, 0.002))
     start = np.linalg.inv(frame_from_world[0])

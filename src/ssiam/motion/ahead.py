@@ -54,6 +54,9 @@ class MotionAhead:
         if self._begun is None:
             return self._camera.update(frame, exclude, motion)
         (begun, found), self._begun = self._begun, None
+        estimated = found.result()
         if begun is not frame:
             raise ArgumentError("this is not the frame that was announced as the next one")
-        return found.result()
+        if motion is None or isinstance(motion, Motion):
+            return motion or estimated
+        return Motion.given(motion, estimated.size_wh)

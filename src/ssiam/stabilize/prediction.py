@@ -22,10 +22,14 @@ from ssiam.stabilize.config import StabilizerConfig
 Point = NDArray[np.float64]
 
 _FARTHEST: Final = 2.0  # target sizes; a prediction that was farther off counts as this far off
-_TRUSTED: Final = 0.5  # score from which a tracker's box tells how good the predictions were
+_TRUSTED: Final = 0.15  # score from which a tracker's box tells how good the predictions were
+_CAUTION: Final = 0.3  # target sizes by which a picture is at first believed to shake
 _FORGET: Final = 0.5  # share of its speed that a target loses in each frame without trust
-_UPRIGHT: Final = 0.05  # share of the turn that is given back in each frame
-_HOME: Final = 0.02  # target sizes by which a view comes back towards the raw frame
+# A view comes back towards the raw frame: by a share of its shift and turn in each frame, and by
+# no more than a tracker hardly notices.
+_HOME: Final = 0.05
+_HOME_STEP: Final = 0.1  # target sizes
+_AT_HOME: Final = 0.01  # target sizes, and radians
 
 
 class Hypothesis(IntEnum):
@@ -56,7 +60,7 @@ class Prediction:
         self.stab_from_raw: Transform = IDENTITY
         # Running means, target sizes. At first the camera is believed: a shake can lose the target
         # in one frame, a pan that follows it cannot.
-        self._errors = np.array([1.01, 1.01, 0.0, 0.0]) * config.margin
+        self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
         self.move_to(xywh)
 
@@ -73,10 +77,10 @@ class Prediction:
         self._reliable = motion.reliable
         self._places = self._predicted(motion)
         chosen = self._choice()
-        if chosen != Hypothesis.STILL:
-            turn = self.stab_from_raw[:2, :2]
-            if self._config.turn and chosen in _TURNING:
-                turn = _turn(turn @ np.linalg.inv(motion.cur_from_prev[:2, :2]))
+        turn = self.stab_from_raw[:2, :2]
+        if self._config.turn and chosen in _TURNING:
+            turn = turn @ np.linalg.inv(motion.cur_from_prev[:2, :2])
+        if chosen != Hypothesis.STILL or self.stab_from_raw is not IDENTITY:
             self.stab_from_raw = self._shown(turn, self._places[chosen])
         (x, y), (w, h) = self._places[chosen].tolist(), self._size_wh
         return x - w / 2, y - h / 2, w, h
@@ -86,11 +90,10 @@ class Prediction:
         config, centre = self._config, _centre(xywh)
         if config.trust and score < _TRUSTED:
             self._speeds *= 1 - _FORGET
-        else:
-            if self._reliable:
-                off = np.linalg.norm(self._places - centre, axis=1) / self._size
-                keep = config.memory
-                self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
+        elif self._reliable:
+            off = np.linalg.norm(self._places - centre, axis=1) / self._size
+            keep = config.memory
+            self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
             moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
             self._speeds += (1 - config.smoothing) * (moved - self._speeds)
         self._take(xywh)
@@ -113,11 +116,21 @@ class Prediction:
         better = self._errors[best] + self._config.margin < self._errors[Hypothesis.STILL]
         return best if better else Hypothesis.STILL
 
-    def _shown(self, turn: NDArray[np.float64], place: Point) -> Transform:
-        """The view, turned, in which the raw-frame `place` lies where the target was seen."""
+    def _shown(self, linear: NDArray[np.float64], place: Point) -> Transform:
+        """The view, turned, in which the raw-frame `place` lies where the target was seen.
+
+        Less a little, so that it does not wander off: whole pictures show no more than the raw
+        frame's own place.
+        """
         seen = map_points(self.stab_from_raw, self._centre[None])[0]
-        # Whole pictures are shown around the raw frame's own place: do not drift away from it.
-        seen += np.clip(place - seen, -_HOME * self._size, _HOME * self._size)
+        step = _HOME_STEP * self._size
+        seen += np.clip(_HOME * (place - seen), -step, step)
+        angle = math.atan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1]) * (1 - _HOME)
+        away = np.abs(seen - place).max() / self._size
+        if max(away, abs(angle)) < _AT_HOME:
+            return IDENTITY
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = np.array([[cos, -sin], [sin, cos]])
         stab_from_raw = np.eye(3)
         stab_from_raw[:2, :2] = turn
         stab_from_raw[:2, 2] = seen - turn @ place
@@ -127,10 +140,3 @@ class Prediction:
 def _centre(xywh: XYWH) -> Point:
     x, y, w, h = xywh
     return np.array([x + w / 2, y + h / 2])
-
-
-def _turn(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation (2, 2) nearest to a linear map, a little nearer to upright."""
-    angle = math.atan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1]) * (1 - _UPRIGHT)
-    cos, sin = math.cos(angle), math.sin(angle)
-    return np.array([[cos, -sin], [sin, cos]])

@@ -19,6 +19,7 @@ _SAMPLES: Final = 16  # along the geometric mean of the target's sides
 _FEWEST, _MOST = 6, 48  # samples along one side
 _FINER: Final = 2  # finer samples along each side that are averaged into one
 _PLAY: Final = 2  # samples by which a box may be off
+_TELLING: Final = 1.0  # grey levels, standard deviation of a look that tells something
 
 
 class Appearance:
@@ -57,9 +58,7 @@ class Appearance:
         return x + (int(column) - play) * w / across, y + (int(row) - play) * h / down, w, h
 
     def _compared(self, window: Image) -> list[NDArray[np.float32]]:
-        looks = (self._first, self._recent)
-        maps = [cv2.matchTemplate(window, look, cv2.TM_CCOEFF_NORMED) for look in looks]
-        return [np.nan_to_num(each, nan=0.0, posinf=0.0, neginf=0.0) for each in maps]
+        return [_correlation(window, look) for look in (self._first, self._recent)]
 
     def _sampled(self, view: FrameView, xywh: XYWH, play: int) -> Image:
         """The box, and `play` samples more on each side: (rows, columns, 3) uint8."""
@@ -84,3 +83,9 @@ class Appearance:
         )
         sampled = cv2.resize(fine, (columns, rows), interpolation=cv2.INTER_AREA)
         return np.asarray(sampled, dtype=np.uint8)
+
+
+def _correlation(window: Image, look: Image) -> NDArray[np.float32]:
+    """How much each place in a window is like a look, -1..1; 0 if the look tells nothing."""
+    found = cv2.matchTemplate(window, look, cv2.TM_CCOEFF_NORMED)
+    return np.asarray(np.nan_to_num(found) if look.std() >= _TELLING else 0 * found, np.float32)

@@ -14,14 +14,14 @@ class ViewTracker(Protocol):
     """A tracker that looks at frames through a `FrameView` and never asks how it was steadied.
 
     Boxes go in and come out in the view's steadied coordinates.
-
-    Attributes
-    ----------
-    doubt : float
-        Score up to which it is worth while to `seek` in the same frame: 0 where that is costly.
     """
 
-    doubt: float
+    @property
+    def doubt(self) -> float | None:
+        """Score up to which it is worth while to `seek` in the same frame: 0 where that is costly.
+
+        None for trackers that cannot be told where to look.
+        """
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the target in `xywh` as the one to follow, forgetting any other."""

@@ -42,12 +42,15 @@ class OpenCvTracker:
     name : {"csrt", "kcf", "mil"}
     """
 
-    doubt = 0.2
-
     def __init__(self, name: OpenCvName) -> None:
         self._name: OpenCvName = name
         self._tracker: Any = None
         self._xywh: XYWH = (0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def doubt(self) -> float | None:
+        """KCF says itself when it has nothing; the others know better than an `Appearance`."""
+        return 0.2 if self._name == "kcf" else None
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Start on `xywh`, rounded to whole pixels as OpenCV wants it."""
@@ -69,7 +72,7 @@ class OpenCvTracker:
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The place most like the target around `xywh`; followed from there if it is it."""
         track = self._judged(view, self._appearance.find(view, xywh, _REACH))
-        if track.score > _TAKEN:
+        if track.score > _TAKEN and _inside(track.box, view):
             self._start(view, track.box)
         return track
 
@@ -96,3 +99,14 @@ class OpenCvTracker:
     def _judged(self, view: FrameView, xywh: XYWH) -> Track:
         evidence = self._appearance.likeness(view, xywh)
         return Track(xywh, score=_CONFIDENCE.probability(evidence), evidence=evidence)
+
+
+def _inside(xywh: XYWH, view: FrameView) -> bool:
+    """Whether the middle of a box lies well within the rendered picture."""
+    x, y, w, h = xywh
+    n, (width, height) = view.border, view.size_wh
+    return (
+        x + n + w / 4 >= 0
+        and y + n + h / 4 >= 0
+        and (x + 3 * w / 4 <= width + n and y + 3 * h / 4 <= height + n)
+    )

@@ -60,7 +60,7 @@ class Pursuit:
         """The target in that frame, raw-frame pixels."""
         stab_from_raw = self._prediction.stab_from_raw
         view = FrameView(frame, stab_from_raw, self._config.border)
-        if self._watch.frames >= _PATIENCE and not self._seen_again:
+        if self._searching and not self._seen_again:
             track = self._sought(view)
         else:
             track = self._followed(view)
@@ -68,6 +68,10 @@ class Pursuit:
         if self._watch.lost:
             track = Track(self._trail, track.score, lost=True, evidence=track.evidence)
         return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
+
+    @property
+    def _searching(self) -> bool:
+        return self._watch.frames >= _PATIENCE and self._tracker.doubt is not None
 
     def _carry(self, motion: Motion) -> None:
         """Take the places along with the scene; a cut may come back to where it was."""
@@ -84,7 +88,8 @@ class Pursuit:
         else:
             first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
         self._astray = False
-        if first.score > self._tracker.doubt or not self._config.find:
+        doubt = self._tracker.doubt
+        if doubt is None or first.score > doubt or not self._config.find:
             return first
         second = self._seek(view, self._expected)
         self._astray = second.score <= first.score
@@ -107,7 +112,7 @@ class Pursuit:
         self._watch.update(track.score if self._config.find else 1.0)
         sure = track.score > _SURE
         self._seen_again = sure
-        if self._watch.frames >= _PATIENCE:
+        if self._searching:
             self._prediction.move_to(track.box if sure else self._trail)
             return
         if track.score > _LIKELY:
@@ -121,4 +126,3 @@ class Pursuit:
         reach = min(_REACH[0] + _GROWTH * step, _REACH[1]) * math.sqrt(w * h)
         dx, dy = _ROUND[step % len(_ROUND)]
         return x + dx * reach, y + dy * reach, w, h
-

@@ -63,11 +63,11 @@ class SteadiedTracker:
         """
         self._size_wh = check_frame(frame)
         self._box = check_box(box, self._size_wh)
-        self._camera = self.camera()
-        if self._camera is not None:
-            self._camera.update(frame)
         make = Pursuit if self._config.stabilize == "predict" else Steadying
         self._follower = make(self._tracker, self._config, frame, self._box)
+        self._camera = self.camera()
+        if self._camera is not None:
+            self._follower.expect(self._camera.update(frame))
 
     def update(
         self, frame: Image, motion: Motion | None = None, following: Image | None = None

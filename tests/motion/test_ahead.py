@@ -1,0 +1,110 @@
+import time
+
+import numpy as np
+import pytest
+
+from ssiam import CameraMotion, FrameSizeError
+from ssiam.geometry import rigid
+from ssiam.motion import MotionAhead
+from synthetic import generator, poses, seen, world
+
+SIZE = (320, 240)
+BOX = (100.0, 80.0, 40.0, 40.0)
+
+
+def shaken(count=8):
+    picture = world(size_wh=SIZE)
+    path = poses(generator(3).normal(0, (6, 6, 0.01), (count, 3)), SIZE)
+    return [seen(picture, pose) for pose in path]
+
+
+def ahead(keypoints="direct"):
+    return MotionAhead(CameraMotion(keypoints))
+
+
+@pytest.mark.parametrize("keypoints", ["direct", "orb"])
+@pytest.mark.parametrize("announced", [range(8), range(0, 8, 2), [], [1], [7]])
+def test_motions_are_those_of_the_camera_alone(keypoints, announced):
+    alone, other = CameraMotion(keypoints), ahead(keypoints)
+    for number, frame in enumerate(shaken()):
+        box = tuple(np.add(BOX, (3 * number, 0, 0, 0)))
+        if number in announced:
+            other.start(frame, exclude=box)
+        expected = alone.update(frame, exclude=box)
+        found = other.update(frame, exclude=box)
+        np.testing.assert_array_equal(found.cur_from_prev, expected.cur_from_prev)
+        assert (found.reliable, found.inliers) == (expected.reliable, expected.inliers)
+        assert found.size_wh == SIZE
+
+
+def test_a_motion_from_outside_is_taken():
+    camera = ahead()
+    first, second, *_ = shaken()
+    camera.update(first)
+    given = rigid(5, 4, 0.1)
+    np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
+
+
+@pytest.mark.xfail(strict=True, reason="the motion that was begun is told in its place")
+def test_a_motion_from_outside_is_taken_for_a_frame_that_was_begun():
+    camera = ahead()
+    first, second, *_ = shaken()
+    camera.update(first)
+    camera.start(second)
+    given = rigid(5, 4, 0.1)
+    np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
+
+
+def test_another_frame_than_announced_is_refused():
+    first, second, *_ = shaken()
+    camera = ahead()
+    camera.update(first)
+    camera.start(second)
+    with pytest.raises(ValueError, match="not the frame that was announced"):
+        camera.update(second.copy())
+
+
+class SlowCamera(CameraMotion):
+    """Takes its time, and notes whether two frames were ever worked on at once."""
+
+    def __init__(self):
+        super().__init__()
+        self.busy, self.disturbed = False, False
+
+    def update(self, *arguments):
+        self.disturbed |= self.busy
+        self.busy = True
+        time.sleep(0.1)
+        self.busy = False
+        return super().update(*arguments)
+
+
+@pytest.mark.xfail(strict=True, reason="the worker goes on with the frame that was refused")
+def test_after_a_refusal_two_frames_are_not_worked_on_at_once():
+    first, second, third, *_ = shaken()
+    slow = SlowCamera()
+    camera = MotionAhead(slow)
+    camera.update(first)
+    camera.start(second)
+    with pytest.raises(ValueError, match="announced"):
+        camera.update(third)
+    camera.update(third)
+    assert not slow.disturbed
+
+
+@pytest.mark.parametrize(
+    ("frame", "exclude", "error"),
+    [
+        pytest.param(world(size_wh=(160, 120)), None, FrameSizeError, id="another size"),
+        pytest.param(np.zeros((240, 320)), None, ValueError, id="no picture"),
+        pytest.param(world(size_wh=SIZE), (1, 2, 3), ValueError, id="no box"),
+    ],
+)
+def test_errors_of_the_worker_reach_who_asks(frame, exclude, error):
+    camera = ahead()
+    first, second, *_ = shaken()
+    camera.update(first)
+    camera.start(frame, exclude)
+    with pytest.raises(error):
+        camera.update(frame)
+    assert camera.update(second).reliable  # and it goes on

@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssiam.trackers import nanotrack, opencv
+from ssiam.trackers.confidence import Confidence, Usual, look
+from synthetic import generator
+
+NUMBERS = st.floats(-1e300, 1e300)
+MODEL = Confidence((0.5, 20.0), -1.0)
+USED = [*nanotrack.CONFIDENCE.values(), opencv._CONFIDENCE]
+
+
+@given(NUMBERS, NUMBERS)
+def test_probabilities_are_within_0_and_1_whatever_the_evidence(first, second):
+    assert 0 <= MODEL.probability((first, second)) <= 1
+
+
+@pytest.mark.parametrize("model", [MODEL, *USED])
+@given(a=st.floats(-20, 20), b=st.floats(-20, 20), other=st.floats(-1, 1))
+def test_more_evidence_is_never_less_probable(model, a, b, other):
+    low, high = sorted((a, b))
+    assert model.probability((low, other)) <= model.probability((high, other))
+    assert model.probability((other, low)) <= model.probability((other, high))
+
+
+def test_the_model_is_the_logistic_one():
+    for first, second in ((0.0, 0.0), (3.0, -0.1), (-2.0, 0.2)):
+        logit = 0.5 * first + 20 * second - 1
+        assert MODEL.probability((first, second)) == pytest.approx(1 / (1 + np.exp(-logit)))
+
+
+def test_evidence_of_another_length_is_refused():
+    with pytest.raises(ValueError, match="argument"):
+        MODEL.probability((1.0,))
+
+
+SIDE, STRIDE = 15, 16.0
+PLACES = (np.arange(SIDE) - SIDE // 2) * STRIDE  # of the features, px from the crop's centre
+
+
+def features(inside, box):
+    """A map of (1, 0) with (0, 1) at all features whose place is inside of a box."""
+    cx, cy, w, h = box
+    rows, columns = np.abs(PLACES - cy) <= h / 2, np.abs(PLACES - cx) <= w / 2
+    found = np.zeros((1, 2, SIDE, SIDE), np.float32)
+    found[0, 0] = 3.0
+    found[0][:, np.outer(rows, columns)] = np.array(inside, np.float32)[:, None]
+    return found
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        pytest.param((0, 0, 64, 64), id="middle"),
+        pytest.param((48, -32, 96, 40), id="wide"),
+        pytest.param((-80, 60, 33, 90), id="high"),
+        pytest.param((112, 112, 48, 48), id="corner"),
+        pytest.param((16, 32, 1, 1), id="smaller than a cell"),
+    ],
+)
+def test_only_what_is_in_the_box_is_looked_at(box):
+    """cx goes with columns and cy with rows; nothing from outside of the box."""
+    seen = look(features((0.0, 7.0), box), STRIDE, np.array(box, float))
+    np.testing.assert_allclose(seen, (0, 1), atol=1e-12)
+
+
+def test_a_look_is_the_direction_of_the_mean():
+    noise = generator(3).normal(0, 1, (1, 24, SIDE, SIDE)).astype(np.float32)
+    seen = look(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
+    mean = noise[0].mean(axis=(1, 2), dtype=np.float64)
+    np.testing.assert_allclose(seen, mean / np.linalg.norm(mean), atol=1e-6)
+    part = look(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
+    assert np.linalg.norm(part) == pytest.approx(1)
+    np.testing.assert_allclose(
+        part, look(noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0])), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("cx", [-1e5, -200.0, 0.0, 200.0, 1e5])
+@pytest.mark.parametrize("cy", [-1e5, 0.0, 1e5])
+@pytest.mark.parametrize("extent", [0.1, 40.0, 1e5])
+def test_boxes_outside_of_the_map_take_its_nearest_features(cx, cy, extent):
+    coordinates = np.stack(np.meshgrid(PLACES, PLACES))[None].astype(np.float32)
+    coordinates = np.concatenate([coordinates, np.full((1, 1, SIDE, SIDE), 64, np.float32)], axis=1)
+    x, y, one = look(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
+    assert np.hypot(np.hypot(x, y), one) == pytest.approx(1)
+    if extent < 100:
+        for found, wanted in ((x, cx), (y, cy)):
+            nearest = np.clip(wanted, PLACES[0], PLACES[-1])
+            assert abs(found / one * 64 - nearest) <= STRIDE
+
+
+def test_features_that_are_all_zero_have_no_direction():
+    seen = look(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
+    np.testing.assert_array_equal(seen, 0)
+
+
+def test_what_is_usual_or_more_falls_short_of_nothing():
+    usual = Usual()
+    assert all(usual.shortfall(value, sure=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
+
+
+def test_a_shortfall_is_the_greater_the_less_the_value():
+    def after(value):
+        usual = Usual()
+        for _ in range(20):
+            usual.shortfall(0.9, sure=True)
+        return usual.shortfall(value, sure=False)
+
+    found = [after(value) for value in np.linspace(0.9, -1.0, 60)]
+    assert found[0] == 0
+    assert found[-1] < 0
+    assert (np.diff(found) <= 0).all()
+    assert after(-1.0) == after(-1e6)  # much is much
+
+
+@pytest.mark.parametrize("sure", [True, False])
+def test_a_much_lower_value_becomes_usual_only_if_something_else_is_sure(sure):
+    usual = Usual()
+    for _ in range(20):
+        usual.shortfall(0.9, sure=True)
+    first = usual.shortfall(0.2, sure)
+    for _ in range(200):
+        last = usual.shortfall(0.2, sure)
+    assert first < 0
+    assert last == (0 if sure else first)
