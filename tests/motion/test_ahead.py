@@ -45,7 +45,6 @@ def test_a_motion_from_outside_is_taken():
     np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
 
 
-@pytest.mark.xfail(strict=True, reason="the motion that was begun is told in its place")
 def test_a_motion_from_outside_is_taken_for_a_frame_that_was_begun():
     camera = ahead()
     first, second, *_ = shaken()
@@ -79,7 +78,6 @@ class SlowCamera(CameraMotion):
         return super().update(*arguments)
 
 
-@pytest.mark.xfail(strict=True, reason="the worker goes on with the frame that was refused")
 def test_after_a_refusal_two_frames_are_not_worked_on_at_once():
     first, second, third, *_ = shaken()
     slow = SlowCamera()

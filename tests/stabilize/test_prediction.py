@@ -156,7 +156,6 @@ def test_the_view_stays_near_the_raw_frame_under_shake():
         assert abs(angle_of(view)) < 0.1
 
 
-@pytest.mark.xfail(strict=True, reason="a view is never brought home while STILL is chosen")
 def test_the_view_does_not_wander_off_for_ever():
     """Fast to the left, slowly back: the target comes back in the raw frame, and in the view."""
     steps = np.tile([*[-8.0] * 30, *[3.0] * 80], 10)

@@ -81,7 +81,6 @@ def test_off_adds_nothing():
     assert track.stab_from_raw is None
 
 
-@pytest.mark.xfail(strict=True, reason="the path begins with the second frame")
 def test_the_papers_path_begins_with_the_first_frame():
     frames, _ = shaken(count=8)
     config = ssiam.StabilizerConfig("paper")
