@@ -111,9 +111,7 @@ def main() -> None:
     options = parser.parse_args()
     steady, shaken = (splices(sequences(), shake)[0] for shake in SHAKES)
     clips = steady[::2] + shaken[1::2]
-    print(
-        "| tracker | weights, bias | area under curve | right: 2 %, 10 %, 50 % | wrong: 50 %, 90 % |"
-    )
+    print("| tracker | weights, bias | area | right: 2, 10, 50 % | wrong: 50, 90 % |")
     print("|---|---|---|---|---|")
     for name in options.trackers.split(","):
         shares = [clips[job :: options.jobs] for job in range(options.jobs)]
@@ -130,7 +128,6 @@ def main() -> None:
             f"| {', '.join(f'{v:.2f}' for v in high)} | {', '.join(f'{v:.2f}' for v in low)} |",
             flush=True,
         )
-        np.savez(f"/tmp/m/pr/conf_{name}.npz", rows=rows, groups=groups)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,11 @@ _CREATE: dict[OpenCvName, Any] = {
     "kcf": cv2.TrackerKCF.create,
     "mil": cv2.TrackerMIL.create,
 }
-_CONFIDENCE: Final = Confidence((6.3, 1.4), -4.9)  # of the likeness to first and recent look
+_CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of likeness to the first and recent look
+    "csrt": Confidence((7.2, 3.9), -6.2),
+    "kcf": Confidence((6.3, 1.4), -4.9),
+    "mil": Confidence((7.2, 3.9), -6.2),
+}
 _LEARNT: Final = 0.6  # score from which a box is taken as the recent look
 _TAKEN: Final = 0.4  # score from which a place that was found is taken
 _REACH: Final = 0.7  # target sizes around the place where it is looked for
@@ -98,7 +102,7 @@ class OpenCvTracker:
 
     def _judged(self, view: FrameView, xywh: XYWH) -> Track:
         evidence = self._appearance.likeness(view, xywh)
-        return Track(xywh, score=_CONFIDENCE.probability(evidence), evidence=evidence)
+        return Track(xywh, score=_CONFIDENCE[self._name].probability(evidence), evidence=evidence)
 
 
 def _inside(xywh: XYWH, view: FrameView) -> bool:
