@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias, cast
 
 import numpy as np
 import torch
@@ -105,7 +105,8 @@ def runners(
     torch.set_num_threads(threads)
     dtype = _DTYPES[precision]
     network = checkpoint.network.to(device, dtype)
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    # Its overloads differ between versions of PyTorch.
+    cast(Any, network).to(memory_format=torch.channels_last)
     graphs = inference_graphs(network, sliced=False)
     return {
         piece: GraphRunner(graph.eval(), partial(_shapes, checkpoint.name, piece), device, dtype)
