@@ -9,7 +9,7 @@ from synthetic import generator
 
 NUMBERS = st.floats(-1e300, 1e300)
 MODEL = Confidence((0.5, 20.0), -1.0)
-USED = [*nanotrack.CONFIDENCE.values(), opencv._CONFIDENCE]
+USED = [*nanotrack.CONFIDENCE.values(), *opencv._CONFIDENCE.values()]
 
 
 @given(NUMBERS, NUMBERS)
