@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import IDENTITY, XYWH, Transform, map_points
+from ssiam.geometry import IDENTITY, XYWH, Transform, map_points, rigid
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
 
@@ -129,12 +129,8 @@ class Prediction:
         away = np.abs(seen - place).max() / self._size
         if max(away, abs(angle)) < _AT_HOME:
             return IDENTITY
-        cos, sin = math.cos(angle), math.sin(angle)
-        turn = np.array([[cos, -sin], [sin, cos]])
-        stab_from_raw = np.eye(3)
-        stab_from_raw[:2, :2] = turn
-        stab_from_raw[:2, 2] = seen - turn @ place
-        return stab_from_raw
+        dx, dy = seen - place
+        return rigid(dx, dy, angle, place.tolist())
 
 
 def _centre(xywh: XYWH) -> Point:

@@ -27,6 +27,7 @@ from ssiam.trackers.siamese import (
     crop_tensor,
     foreground,
     moved,
+    state_at,
 )
 from ssiam.trackers.track import Track
 
@@ -168,8 +169,7 @@ class NanoTrack:
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""
-        x, y, w, h = xywh
-        self._state = TargetState((x + w / 2, y + h / 2), (w, h))
+        self._state = state_at(xywh)
         return self.track(view)
 
     def another(self) -> NanoTrack:

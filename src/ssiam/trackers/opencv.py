@@ -36,10 +36,10 @@ _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
 class OpenCvTracker:
     """One of OpenCV's trackers on the rendered view.
 
-    They tell no score, only whether they still have the target, and CSRT and MIL not even that:
-    the score is that of the box's `Appearance`. When they have not, the last box is kept. CSRT and
-    KCF repeat their results; OpenCV seeds MIL's samples from the clock, so its runs differ by a
-    pixel or so.
+    They tell no score, only whether they still have the target, and MIL not even that: the score
+    is that of the box's `Appearance`. When they have not, the last box is kept. CSRT and KCF
+    repeat their results; OpenCV seeds MIL's samples from the clock, so its runs differ by a pixel
+    or so.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class OpenCvTracker:
 
     @property
     def doubt(self) -> float | None:
-        """KCF says itself when it has nothing; the others know better than an `Appearance`."""
+        """KCF finds little by itself; the others know better than an `Appearance`."""
         return 0.2 if self._name == "kcf" else None
 
     def init(self, view: FrameView, xywh: XYWH) -> None:

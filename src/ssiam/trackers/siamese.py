@@ -68,6 +68,12 @@ class TargetState:
         return float(np.sqrt((w + context) * (h + context)))
 
 
+def state_at(xywh: XYWH) -> TargetState:
+    """The state whose reported box is `xywh`."""
+    x, y, w, h = xywh
+    return TargetState((x + w / 2, y + h / 2), (w, h))
+
+
 def choose(
     boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
 ) -> tuple[int, float]:

@@ -16,13 +16,12 @@ from ssiam.stabilize import FrameView
 from ssiam.trackers.mask_boxes import Mask, ellipse_box, rectangle_box
 from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
-from ssiam.trackers.siamese import TargetState, kept_inside
+from ssiam.trackers.siamese import TargetState, kept_inside, state_at
 from ssiam.trackers.siamrpn import (
     AnchorSearch,
     Found,
     SiamRpnNetworks,
     SiamRpnParameters,
-    state_at,
 )
 from ssiam.trackers.track import Track
 

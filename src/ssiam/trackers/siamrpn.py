@@ -28,6 +28,7 @@ from ssiam.trackers.siamese import (
     followed,
     foreground,
     kept_inside,
+    state_at,
 )
 from ssiam.trackers.track import Track
 
@@ -147,12 +148,6 @@ class AnchorSearch:
         if self._parameters.variant == "pysot":
             return TargetState.from_xywh(xywh)
         return state_at(xywh)
-
-
-def state_at(xywh: XYWH) -> TargetState:
-    """The state whose reported box is `xywh`."""
-    x, y, w, h = xywh
-    return TargetState((x + w / 2, y + h / 2), (w, h))
 
 
 class SiamRpn:
