@@ -20,8 +20,8 @@ class Track:
     box : (x, y, w, h) floats
         Upright box, raw-frame pixels, 0-based.
     score : float
-        0..1, the probability that the box overlaps the target by more than half; the same for
-        every tracker (`ssiam.trackers.confidence`).
+        0..1, the probability that the box overlaps the target by more than half
+        (`ssiam.trackers.confidence`); SiamFC, SiamRPN and SiamMask give their own score.
     lost : bool
         The target is not in view, or nobody knows where: the box is a guess, not to be shown.
     corners : (4, 2) float64 or None
