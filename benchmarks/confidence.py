@@ -19,7 +19,8 @@ import numpy as np
 
 import ssiam
 from shared_data import WEIGHTS, sequences
-from splices import Splice, splices
+from splice import Splice
+from splices import splices
 from ssiam.evaluation.overlap import iou
 
 TRACKERS = "nanotrack_v1,nanotrack_v2,nanotrack_v3,kcf,csrt"

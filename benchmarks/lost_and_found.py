@@ -15,8 +15,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from dataclasses import dataclass
-from itertools import chain, groupby, product
+from itertools import chain, product
 
 import cv2
 import joblib
@@ -24,19 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ssiam
+from lost_and_found_cases import NEVER, TELL, Case, judge
 from shared_data import WEIGHTS, sequences
-from splices import KINDS, Floats, Splice, splices
-from ssiam.evaluation.overlap import iou
+from splice import Floats, Splice
+from splices import KINDS, splices
 from ssiam.stabilize import METHODS
 from ssiam.trackers.steadied import SteadiedTracker
 
-TRACKED = 0.5  # IoU
-BEFORE = 5  # last frames before the target goes, whose median tells if it is tracked
-TELL = 10  # frames to tell that it is gone
 FIND = 30  # frames to find it again
-STAYS, OF = 10, 15  # frames in which it has to be held after it is found
 CLAIM = 5  # frames for which something else is taken for it
-NEVER = float("inf")
 
 HEAD = (
     "tracker",
@@ -52,31 +47,6 @@ HEAD = (
     f"cases with a claim of {CLAIM} frames",
     "elsewhere",
 )
-
-
-@dataclass(frozen=True)
-class Case:
-    """What a tracker did on one clip; frames that never came are infinite.
-
-    `told_after` and `found_after` count from the first frame in which the target is gone and
-    there again. `absent` are the frames in which `lost` should be told, `claims` those of them in
-    which it is not, `longest` the longest run of these and `longest_elsewhere` of those whose box
-    is not where the hidden target is. `seen` are the frames in which the target is seen and
-    tracked, `false_lost` those of them that tell `lost`.
-    """
-
-    setting: str
-    name: str
-    kind: str
-    tracked: bool
-    told_after: float
-    found_after: float
-    absent: int
-    claims: int
-    longest: int
-    longest_elsewhere: int
-    seen: int
-    false_lost: int
 
 
 def runs(name: str, stabilize: str, clips: list[Splice]) -> list[Case]:
@@ -95,44 +65,6 @@ def followed(tracker: SteadiedTracker, clip: Splice) -> tuple[Floats, NDArray[np
     tracks = [tracker.update(frame) for frame in frames]
     boxes = np.array([clip.truth[0], *(track.box for track in tracks)])
     return boxes, np.array([False, *(track.lost for track in tracks)])
-
-
-def judge(setting: str, clip: Splice, boxes: Floats, lost: NDArray[np.bool_]) -> Case:
-    """The figures of one run, of the boxes (N, 4) and `lost` (N,) of all frames."""
-    first, end = clip.gone
-    overlap = iou(boxes, clip.truth)
-    overlap[0] = np.nan  # given
-    held = ~lost & (overlap > TRACKED)
-    claimed = ~lost[first + TELL : end]
-    elsewhere = ~(iou(boxes, clip.place)[first + TELL : end] > TRACKED)
-    before = overlap[:first][~np.isnan(overlap[:first])]
-    return Case(
-        setting,
-        clip.name,
-        clip.kind,
-        tracked=bool(np.median(before[-BEFORE:]) > TRACKED),
-        told_after=next(iter(np.flatnonzero(lost[first:end])), NEVER),
-        found_after=frames_to_find(held[end:]),
-        absent=len(claimed),
-        claims=int(claimed.sum()),
-        longest=longest_run(claimed),
-        longest_elsewhere=longest_run(claimed & elsewhere),
-        seen=int((overlap > TRACKED).sum()),
-        false_lost=int((lost & (overlap > TRACKED)).sum()),
-    )
-
-
-def frames_to_find(held: NDArray[np.bool_]) -> float:
-    """The first frame that holds the target and is followed by enough that do too."""
-    for index in np.flatnonzero(held):
-        if held[index + 1 : index + 1 + OF].sum() >= STAYS:
-            return float(index)
-    return NEVER
-
-
-def longest_run(flags: NDArray[np.bool_]) -> int:
-    """How many flags in a row are set at most."""
-    return max((len(list(run)) for flag, run in groupby(flags.tolist()) if flag), default=0)
 
 
 def row(setting: str, kind: str, own: list[Case]) -> str:

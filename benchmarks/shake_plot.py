@@ -6,7 +6,8 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-from shake_report import KINDS, NO_SHAKE, TRUE_MOTION, Run, Runs, by, comparable, lost, per_1000
+from shake_report import KINDS, TRUE_MOTION, by, comparable, lost, per_1000
+from shake_run import NO_SHAKE, Run, Runs
 from ssiam.evaluation.canvas import BLUE, COLORS, ORANGE, SMALL, bare, canvas, png
 
 _COLUMNS: Final = 3

@@ -205,6 +205,7 @@ WRONG = {
     "percent": (["--shake", "3"], "strength of shake 3.0: give a share"),
     "nothing": (["--shake", ","], "--shake ','"),
     "unknown kind": (["--shake", "0.03", "--shake-kind", "sway"], "unknown kind of shake 'sway'"),
+    "no strength": (["--shake-kind", "gusts"], "give --shake too"),
     "no seeds": (["--shake", "0.03", "--shake-seeds", "0"], "--shake-seeds 0"),
     "long exposure": (["--shake", "0.03", "--shake-exposure", "2"], "exposure of shake 2"),
 }

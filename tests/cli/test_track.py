@@ -110,6 +110,17 @@ def test_several_targets_share_one_motion(clip, tmp_path):
         assert len(motions) == 1
 
 
+def test_a_second_core_changes_no_result(clip, tmp_path, capsys):
+    for threads in (1, 2):
+        out = tmp_path / f"{threads}.csv"
+        arguments = ["track", str(clip[0]), "--box", box_of(BOX), "--box", "20,20,40,30"]
+        assert (
+            main([*arguments, "--tracker", "kcf", "--results", str(out), "--threads", str(threads)])
+            == 0
+        )
+    assert (tmp_path / "1.csv").read_text() == (tmp_path / "2.csv").read_text()
+
+
 def test_limits_are_options(clip, tmp_path):
     def steadied(*options):
         results = tmp_path / "r.csv"

@@ -36,7 +36,8 @@ def shakes(
     Raises
     ------
     ArgumentError
-        A strength is no number, or nothing is given, or a value is out of its range.
+        A strength is no number, or nothing is given, or a value is out of its range, or it is
+        told how to shake and not how much.
     """
     if seeds < 1:
         raise ArgumentError(f"--shake-seeds {seeds}: must be at least 1")
@@ -49,6 +50,11 @@ def shakes(
     ]
     if not found:
         raise ArgumentError(f"--shake {strengths!r} --shake-kind {kinds!r}: give one at least")
+    if found[0] != Shake(0.0) and not any(shake.strength for shake in found):
+        raise ArgumentError(
+            "--shake-kind and the like tell how to shake, not how much: give --shake too, "
+            "such as --shake 0,0.03"
+        )
     return list(dict.fromkeys(shake if shake.strength else None for shake in found))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
@@ -19,7 +19,7 @@ from ssiam.geometry import XYWH
 from ssiam.runtime import RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
-from ssiam.video import Frame, RawFormat, Source, open_source
+from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 
 _STEADY = StabilizerConfig()
 
@@ -108,7 +108,7 @@ def track(
         report = Report(frames.name, tracker, config.stabilize, len(boxes))
         stack.callback(report.show, outputs.written)
         stack.enter_context(outputs)
-        _follow(group, first, frames, boxes, outputs, report)
+        _follow(group, first, frames, boxes, outputs, report, threads)
 
 
 def _follow(
@@ -118,16 +118,24 @@ def _follow(
     boxes: Sequence[XYWH],
     outputs: Outputs,
     report: Report,
+    threads: int,
 ) -> None:
     """Track to the end of the frames."""
     outputs.write(first, [Track(box) for box in boxes])
     with Progress(frames.length) as progress:
-        for frame in frames:
+        for frame, following in _paired(frames, threads):
             with report.clock:
-                tracks = group.update(frame.image)
+                tracks = group.update(frame.image, None if following is None else following.image)
             report.add(tracks)
             outputs.write(frame, tracks, report.clock.fps)
             progress.step(report.clock.fps)
+
+
+def _paired(frames: Source, threads: int) -> Iterator[tuple[Frame, Frame | None]]:
+    """Each frame with the next one, where that is at hand and another core may work on it."""
+    if frames.length is not None and threads > 1:
+        return with_following(frames)
+    return ((frame, None) for frame in frames)
 
 
 def _box(text: str) -> XYWH:

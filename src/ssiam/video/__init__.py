@@ -2,6 +2,7 @@
 
 from ssiam.video.drawing import draw_tracks
 from ssiam.video.frames import Frame, Source
+from ssiam.video.lookahead import with_following
 from ssiam.video.panels import side_by_side
 from ssiam.video.plots import PathPlot
 from ssiam.video.results import ResultSink, open_results
@@ -19,4 +20,5 @@ __all__ = [
     "open_results",
     "open_source",
     "side_by_side",
+    "with_following",
 ]
