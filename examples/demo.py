@@ -1,9 +1,9 @@
-"""Track a walker through a shaking clip, once as it is and once on the steadied view.
+"""Track a walker through a shaking clip: as it is, on the steadied view, and on the predicted one.
 
     python examples/demo.py [--out FOLDER] [--tracker NAME] [--weights PATH]
 
-Writes both videos, a sheet of frames with all boxes, and the camera's path; prints
-how well each run held the walker.
+Writes the videos, a sheet of frames with all boxes, and the camera's path; prints how well each run
+held the walker.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ HERE = Path(__file__).resolve().parent
 CLIP = HERE / "shaky-walker.mp4"
 TRUTH = HERE / "shaky-walker.txt"
 SHEET_FRAMES = (0, 15, 24, 45, 70, 110)
-WHITE, RED, GREEN = (255, 255, 255), (60, 60, 235), (90, 200, 60)  # BGR: truth, off, paper
+WHITE = (255, 255, 255)  # BGR, of the true box
+COLOURS = {"off": (60, 60, 235), "paper": (230, 170, 40), "predict": (90, 200, 60)}
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     truth = np.loadtxt(TRUTH, delimiter=",")
     runs = []
-    for stabilize in ("off", "paper"):
+    for stabilize in COLOURS:
         tracker = ssiam.load_tracker(
             arguments.tracker, weights=arguments.weights, stabilize=stabilize
         )
@@ -55,9 +56,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(verdict(runs[-1]))
     sheet(runs, truth, arguments.out / "comparison.png")
     print(f"\nThe pictures are in {arguments.out}/:")
-    print("  off.mp4, paper.mp4   the tracked clip; paper.mp4 with the steadied view beside it")
-    print("  comparison.png       six frames: true box white, off red, paper green")
-    print("  path.png             the camera's path, and what steadying did to it")
+    print("  off.mp4, paper.mp4, predict.mp4   the tracked clip, with the tracker's view beside it")
+    print("  comparison.png   six frames: true box white, off red, paper blue, predict green")
+    print("  paper-path.png, predict-path.png   the camera's path, and what steadying did to it")
 
 
 def follow(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: Path) -> Run:
@@ -67,10 +68,12 @@ def follow(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: Path
     with (
         open_source(CLIP) as frames,
         VideoSink(out / f"{config.stabilize}.mp4", frames.fps) as video,
-        PathPlot(out / "path.png", config.window) as plot,
+        PathPlot(out / f"{config.stabilize}-path.png", config.window) as plot,
     ):
         first = next(frames)
         tracker.init(first.image, truth[0])
+        start = draw_tracks(first.image, [ssiam.Track(tuple(truth[0].tolist()))])
+        video.write(start if config.stabilize == "off" else side_by_side(start, start), first.time)
         for frame in frames:
             track = tracker.update(frame.image)
             boxes.append(np.array(track.box))
@@ -87,7 +90,7 @@ def verdict(run: Run) -> str:
     """One line on how well a run held the walker."""
     held = int((run.overlaps >= 0.5).sum())
     return (
-        f"stabilize={run.stabilize:6} held the walker in {held:3d} of {len(run.overlaps)} frames, "
+        f"stabilize={run.stabilize:7} held the walker in {held:3d} of {len(run.overlaps)} frames, "
         f"mean overlap {run.overlaps.mean():.2f}"
     )
 
@@ -99,9 +102,8 @@ def sheet(runs: Sequence[Run], truth: NDArray[np.float64], path: Path) -> None:
         for frame in frames:
             if frame.index in SHEET_FRAMES:
                 panel = frame.image.copy()
-                for boxes, colour in zip(
-                    (truth, *(run.boxes for run in runs)), (WHITE, RED, GREEN), strict=True
-                ):
+                drawn = [(truth, WHITE), *((run.boxes, COLOURS[run.stabilize]) for run in runs)]
+                for boxes, colour in drawn:
                     x, y, w, h = (round(v) for v in boxes[frame.index])
                     cv2.rectangle(panel, (x, y), (x + w, y + h), colour, 2, cv2.LINE_AA)
                 label = f"frame {frame.index}"

@@ -27,6 +27,7 @@ def test_the_demo_runs_and_steadying_holds_the_walker(tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     held = dict(re.findall(r"stabilize=(\w+).*? in +(\d+) of 117", done.stdout))
-    assert int(held["paper"]) > int(held["off"]) + 20
-    for name in ("off.mp4", "paper.mp4", "comparison.png", "path.png"):
+    assert min(int(held["paper"]), int(held["predict"])) > int(held["off"]) + 20
+    pictures = ("comparison.png", "paper-path.png", "predict-path.png")
+    for name in ("off.mp4", "paper.mp4", "predict.mp4", *pictures):
         assert (tmp_path / name).stat().st_size > 10_000
