@@ -106,3 +106,31 @@ def test_nanotrack_follows_and_repeats(shared, version):
     )
     by_file.init(frames[0], truth[0])
     assert by_file.update(frames[1]).box == runs[0][0]
+
+
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_int8_wants_files_that_are_in_it(shared, runtime):
+    weights = shared("data/weights/nanotrackv3")
+    with pytest.raises(ssiam.WeightsError, match="int8") as caught:
+        ssiam.load_tracker("nanotrack_v3", weights=weights, runtime=runtime, precision="int8")
+    assert "backbone" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        pytest.param({"precision": "f16"}, "openvino has no precision 'f16'", id="precision"),
+        pytest.param({"device": "mps"}, "openvino has no device 'mps'", id="device"),
+        pytest.param(
+            {"runtime": "onnxruntime", "device": "cuda"}, "device cuda is not", id="build"
+        ),
+    ],
+)
+def test_what_a_runtime_cannot_do_is_told(shared, arguments, complaint):
+    with pytest.raises(ssiam.errors.ArgumentError, match=complaint):
+        ssiam.load_tracker("nanotrack_v3", weights=shared("data/weights/nanotrackv3"), **arguments)
+
+
+def test_opencv_trackers_have_neither_precision_nor_device():
+    with pytest.raises(ssiam.errors.ArgumentError, match="kcf has no network"):
+        ssiam.load_tracker("kcf", precision="bf16")

@@ -16,7 +16,7 @@ from ssiam.cli.outputs import Outputs
 from ssiam.cli.report import Progress, Report
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
-from ssiam.runtime import RuntimeName
+from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
@@ -47,6 +47,8 @@ def track(
     raw: Annotated[str | None, Parameter(group=_RUNNING)] = None,
     runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
     threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
+    precision: Annotated[Precision, Parameter(group=_RUNNING)] = "f32",
+    device: Annotated[DeviceName | None, Parameter(group=_RUNNING)] = None,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _STEADY,
 ) -> None:
     """Follow targets through a video from a moving camera.
@@ -81,7 +83,13 @@ def track(
     runtime
         What runs the networks.
     threads
-        CPU threads.
+        CPU threads. From 2 on, a file's next camera motion is estimated while the tracker runs.
+    precision
+        Of the networks' arithmetic: bf16 is faster on CPUs that have it, int8 needs files that
+        were exported so.
+    device
+        Where the networks run; the CPU unless given. onnxruntime has cuda, tensorrt and coreml,
+        torch cuda and mps.
     """
     cv2.setNumThreads(threads)
     boxes = [_box(text) for text in box]
@@ -89,7 +97,13 @@ def track(
         frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
         first = next(frames)
         steadied = load_tracker(
-            tracker, weights=weights, stabilize=config, runtime=runtime, threads=threads
+            tracker,
+            weights=weights,
+            stabilize=config,
+            runtime=runtime,
+            threads=threads,
+            precision=precision,
+            device=device,
         )
         group = TrackerGroup(steadied)
         group.init(first.image, boxes)

@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 
 from ssiam.evaluation.trax_channel import protocol_alone
 from ssiam.evaluation.trax_server import check_trax, serve
-from ssiam.runtime import RuntimeName
+from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, TrackerName, load_tracker
 
@@ -25,6 +25,8 @@ def trax(
     weights: Path | None = None,
     runtime: RuntimeName = "openvino",
     threads: int = 1,
+    precision: Precision = "f32",
+    device: DeviceName | None = None,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _STEADY,
 ) -> None:
     """Serve a tracker to a TraX client, such as the official VOT toolkit.
@@ -42,12 +44,22 @@ def trax(
         What runs the networks.
     threads
         CPU threads.
+    precision
+        Of the networks' arithmetic; int8 needs files that were exported so.
+    device
+        Where the networks run; the CPU unless given.
     """
     check_trax()
     cv2.setNumThreads(threads)
     with protocol_alone():
         serve(
             load_tracker(
-                tracker, weights=weights, stabilize=config, runtime=runtime, threads=threads
+                tracker,
+                weights=weights,
+                stabilize=config,
+                runtime=runtime,
+                threads=threads,
+                precision=precision,
+                device=device,
             )
         )

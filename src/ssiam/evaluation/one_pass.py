@@ -26,7 +26,6 @@ from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import upright
 from ssiam.evaluation.success import average_overlap, got10k_overlaps, mean_success, success
 from ssiam.evaluation.trajectory import Status, Trajectory
-from ssiam.geometry import xywh_from_corners
 
 _FIGURES = ("success", "precision", "normalised_precision", "ao", "sr50", "sr75", "sequences")
 _ENDLESS = (10**6, 10**6)  # px; stands for the size of frames that is not told
@@ -140,13 +139,10 @@ def _runs(folder: Path, name: str) -> list[Trajectory]:
 
 def _boxes(run: Trajectory, truth: Floats) -> Floats:
     """Boxes (N, 4) of a run, as many as the truth has; a start counts as the truth itself."""
+    count = min(len(run), len(truth))
     boxes = np.full((len(truth), 4), np.nan)
-    for index, (status, row) in enumerate(zip(run.status, run.regions, strict=True)):
-        if index >= len(truth):
-            break
-        if status == Status.INITIALIZED:
-            boxes[index] = truth[index]
-        elif status == Status.TRACKED:
-            rotated = len(row) == 8 and np.isfinite(row[4:]).all()
-            boxes[index] = xywh_from_corners(row.reshape(4, 2)) if rotated else row[:4]
+    started = np.flatnonzero(run.status[:count] == Status.INITIALIZED)
+    tracked = np.flatnonzero(run.status[:count] == Status.TRACKED)
+    boxes[tracked] = upright(run.regions[tracked])
+    boxes[started] = truth[started]
     return boxes

@@ -86,13 +86,11 @@ def _view_tracker(name: TrackerName, weights: Path | None, running: Running) -> 
     if name == "csrt" or name == "kcf" or name == "mil":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
+        if running.precision != "f32" or running.where != "cpu":
+            raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
         return OpenCvTracker(name)
     found = needed_weights(name, weights)
     if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
-        if running.precision != "f32" or running.where != "cpu":
-            raise ArgumentError(f"tracker {name} runs in f32 on the CPU")
-        networks = NanoTrackNetworks.load(
-            name, found, runtime=running.runtime, threads=running.threads
-        )
+        networks = NanoTrackNetworks.load(name, found, running)
         return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name])
     return siamese_tracker(name, found, running)

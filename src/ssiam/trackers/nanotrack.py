@@ -14,7 +14,7 @@ import numpy as np
 
 from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, RuntimeName, Tensor, load_network
+from ssiam.runtime import Network, Precision, Running, Tensor, load_network
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence, Usual, look
 from ssiam.trackers.siamese import (
@@ -71,22 +71,30 @@ class NanoTrackNetworks:
     head: Network
 
     @classmethod
-    def load(
-        cls, name: NanoTrackName, weights: Path, *, runtime: RuntimeName, threads: int
-    ) -> NanoTrackNetworks:
+    def load(cls, name: NanoTrackName, weights: Path, running: Running) -> NanoTrackNetworks:
         """Networks from the folder that holds the two ONNX files, or from one of the two.
 
-        Raises `WeightsError` when they are missing, damaged, or of another network.
+        With precision "int8" the backbone must be quantised, and the head may be. Raises
+        `WeightsError` when they are missing, damaged, not quantised, or of another network.
         """
         backbone, head = _onnx_pair(weights)
 
-        def compiled(path: Path, shape: tuple[int, ...] | None = None) -> Network:
-            return load_network(path, shape, runtime=runtime, threads=threads)
+        def compiled(
+            path: Path, precision: Precision, shape: tuple[int, ...] | None = None
+        ) -> Network:
+            return load_network(
+                path,
+                shape,
+                runtime=running.runtime,
+                threads=running.threads,
+                precision=precision,
+                device=running.device,
+            )
 
         networks = cls(
-            compiled(backbone, (1, 3, EXEMPLAR, EXEMPLAR)),
-            compiled(backbone, (1, 3, _SEARCH, _SEARCH)),
-            compiled(head),
+            compiled(backbone, running.precision, (1, 3, EXEMPLAR, EXEMPLAR)),
+            compiled(backbone, running.precision, (1, 3, _SEARCH, _SEARCH)),
+            compiled(head, "f32" if running.precision == "int8" else running.precision),
         )
         networks._check(name, weights)
         return networks
