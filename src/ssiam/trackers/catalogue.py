@@ -11,13 +11,8 @@ from ssiam.runtime import DeviceName, Precision, Running, RuntimeName
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.loading import SiameseName, needed_weights, siamese_tracker
-from ssiam.trackers.nanotrack import (
-    CONFIDENCE,
-    PARAMETERS,
-    NanoTrack,
-    NanoTrackName,
-    NanoTrackNetworks,
-)
+from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack
+from ssiam.trackers.nanotrack_networks import NanoTrackName, NanoTrackNetworks
 from ssiam.trackers.opencv import OpenCvName, OpenCvTracker
 from ssiam.trackers.steadied import SteadiedTracker
 

@@ -6,17 +6,15 @@ a backbone that is run on template and search region, and a head that compares t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 import numpy as np
 
-from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, Precision, Running, Tensor, load_network
+from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence, Usual, look
+from ssiam.trackers.nanotrack_networks import SEARCH, NanoTrackName, NanoTrackNetworks
 from ssiam.trackers.siamese import (
     EXEMPLAR,
     Floats,
@@ -31,19 +29,11 @@ from ssiam.trackers.siamese import (
 )
 from ssiam.trackers.track import Track
 
-NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3"]
-
-_SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between points of the response map
 _LOGITS: Final = (-6.0, 12.0)  # beyond these a score says no more
 _SURE: Final = 8.0  # logit from which it does not matter what the target looks like
 _UNSURE: Final = 4.0  # by how much a logit is below that where it matters wholly
 _KNOWN: Final = 6.0  # logit from which the target has come to look as it does
-_HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the same shapes
-    "nanotrack_v1": 18,
-    "nanotrack_v2": 34,
-    "nanotrack_v3": 46,
-}
 
 PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
     "nanotrack_v1": SearchParameters(penalty_k=0.148, window_influence=0.462, lr=0.390),
@@ -56,66 +46,6 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
     "nanotrack_v2": Confidence((0.81, 23.0), -3.5),
     "nanotrack_v3": Confidence((0.48, 31.0), -1.9),
 }
-
-
-@dataclass(frozen=True)
-class NanoTrackNetworks:
-    """The three compiled networks, which any number of trackers may share.
-
-    `template` (1, 3, 127, 127) and `search` (1, 3, 255, 255) are one backbone; `head` takes the
-    features of both and gives scores (1, 2, n, n) and distances (1, 4, n, n).
-    """
-
-    template: Network
-    search: Network
-    head: Network
-
-    @classmethod
-    def load(cls, name: NanoTrackName, weights: Path, running: Running) -> NanoTrackNetworks:
-        """Networks from the folder that holds the two ONNX files, or from one of the two.
-
-        With precision "int8" the backbone must be quantised, and the head may be. Raises
-        `WeightsError` when they are missing, damaged, not quantised, or of another network.
-        """
-        backbone, head = _onnx_pair(weights)
-
-        def compiled(
-            path: Path, precision: Precision, shape: tuple[int, ...] | None = None
-        ) -> Network:
-            return load_network(
-                path,
-                shape,
-                runtime=running.runtime,
-                threads=running.threads,
-                precision=precision,
-                device=running.device,
-            )
-
-        networks = cls(
-            compiled(backbone, running.precision, (1, 3, EXEMPLAR, EXEMPLAR)),
-            compiled(backbone, running.precision, (1, 3, _SEARCH, _SEARCH)),
-            compiled(head, "f32" if running.precision == "int8" else running.precision),
-        )
-        networks._check(name, weights)
-        return networks
-
-    def _check(self, name: NanoTrackName, weights: Path) -> None:
-        features = [self.template.output_shapes, self.search.output_shapes]
-        channels, side = (96, 15) if name == "nanotrack_v3" else (48, 16)
-        wanted_features = [[(1, channels, 8, 8)], [(1, channels, 16, 16)]]
-        wanted_maps = [(1, 2, side, side), (1, 4, side, side)]
-        if (
-            features != wanted_features
-            or self.head.input_shapes != [shapes[0] for shapes in wanted_features]
-            or self.head.output_shapes != wanted_maps
-            or self.head.convolutions != _HEAD_CONVOLUTIONS[name]
-        ):
-            raise WeightsError(
-                f"{weights} holds weights of another network than {name}: "
-                f"features {features[1][0]}, maps {self.head.output_shapes}, "
-                f"{self.head.convolutions} convolutions in the head; wanted "
-                f"{wanted_features[1][0]}, {wanted_maps}, {_HEAD_CONVOLUTIONS[name]}"
-            )
 
 
 class NanoTrack:
@@ -157,7 +87,7 @@ class NanoTrack:
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
         zoom = EXEMPLAR / self._state.context_side
-        crop = view.crop(self._state.centre_xy, round(_SEARCH / zoom), _SEARCH, self._fill)
+        crop = view.crop(self._state.centre_xy, round(SEARCH / zoom), SEARCH, self._fill)
         (features,) = self._networks.search(crop_tensor(crop))
         score_maps, distances = self._networks.head(self._template, features)
         score = foreground(score_maps)
@@ -191,24 +121,3 @@ class NanoTrack:
         return np.stack(
             [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
         )
-
-
-def _onnx_pair(weights: Path) -> tuple[Path, Path]:
-    """The backbone's and the head's file in a folder, or beside one of them."""
-    folder = weights if weights.is_dir() else weights.parent
-    if not weights.exists():
-        raise WeightsError(
-            f"weights {weights} do not exist: give the folder of NanoTrack's two .onnx files"
-        )
-    if weights.is_file() and weights.suffix != ".onnx":
-        raise WeightsError(f"weights {weights} are not an .onnx file: NanoTrack runs from ONNX")
-    found = []
-    for part in ("backbone", "head"):
-        files = sorted(folder.glob(f"*{part}*.onnx"))
-        if len(files) != 1:
-            raise WeightsError(
-                f"weights folder {folder} holds {len(files)} files named *{part}*.onnx, "
-                "NanoTrack needs exactly one"
-            )
-        found.append(files[0])
-    return found[0], found[1]
