@@ -6,13 +6,14 @@ its own: how far it disagrees, measured against its own texture, decides what it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
-from ssiam.motion.cells import Floats, Template, variance
+from ssiam.motion.cells import Floats, Template
 from ssiam.motion.models import change, within
 
 _DAMPING = 1e-6  # of the first diagonal element, and
@@ -48,6 +49,14 @@ class Rules:
     enough: float
     tightening: float = 1.0
 
+    def tolerated(self, texture: Floats) -> Floats:
+        """Error (cells,) at which a cell's agreement has fallen to a quarter."""
+        return self.noise**2 + self.tolerance * texture
+
+    def tightened(self) -> Rules:
+        """The rules of the next round."""
+        return replace(self, tolerance=max(self.tolerance * self.tightening, _TIGHTEST))
+
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
@@ -59,13 +68,10 @@ class Aligned:
         Units.
     error : (cells,) float32
         Mean squared difference, grey levels squared.
-    agreement : (cells,) float32
-        0..1, by the rules' tolerance.
     """
 
     cur_from_prev: Transform
     error: Floats
-    agreement: Floats
 
 
 def align(
@@ -85,34 +91,38 @@ def align(
         What each cell may count, 0..1.
     """
     grid, texture = template.grid, template.texture
+    floats = picture.astype(np.float32)  # warped sooner than bytes, and not rounded
     say = keep * (texture + rules.noise**2) ** -rules.evenness
-    tolerance = rules.tolerance
+    tolerated = rules.tolerated(texture)
     cur_from_prev = start
     for _ in range(rules.rounds):
-        residual = grid.warped(picture, cur_from_prev) - template.values
-        error = variance(residual)
-        weight = say * agreement_of(error, texture, rules.noise, tolerance)
+        residual = grid.warped(floats, cur_from_prev)
+        residual -= template.values
+        error = grid.variance(residual)
+        weight = say * agreement_of(error, tolerated)
         steps = _steps(template, residual, weight)
-        cur_from_prev = within(cur_from_prev @ change(-steps), grid.model)
-        if np.abs(steps).sum() < rules.enough:
+        cur_from_prev = within(cur_from_prev.dot(change(-steps)), grid.model)
+        if cv2.norm(steps, cv2.NORM_L1) < rules.enough:
             break
-        tolerance = max(tolerance * rules.tightening, _TIGHTEST)
-    agreement = agreement_of(error, texture, rules.noise, rules.tolerance)
-    return Aligned(cur_from_prev, error, agreement)
+        if rules.tightening < 1:
+            rules = rules.tightened()
+            tolerated = rules.tolerated(texture)
+    return Aligned(cur_from_prev, error)
 
 
-def agreement_of(error: Floats, texture: Floats, noise: float, tolerance: float) -> Floats:
+def agreement_of(error: Floats, tolerated: Floats) -> Floats:
     """How far cells agree, (cells,) 0..1: the Geman-McClure weight of their error."""
-    scale = noise**2 + tolerance * texture
-    agreement: Floats = np.square(scale / (scale + error))
+    agreement: Floats = np.square(tolerated / (tolerated + error))
     return agreement
 
 
 def _steps(template: Template, residual: Floats, weight: Floats) -> NDArray[np.float64]:
     """Steps (freedom,) along the generators that best explain the residual (samples, cells)."""
+    grid = template.grid
     slopes = np.einsum("kij,ij->kj", template.gradients, residual) * weight
-    gradient = template.grid.flow @ slopes.ravel()
+    gradient = grid.flow.dot(slopes.ravel()).astype(np.float64)
     freedom = len(gradient)
-    hessian = (template.hessians @ weight).reshape(freedom, freedom).astype(np.float64)
-    hessian.flat[:: freedom + 1] += _DAMPING * hessian[0, 0] + _TINY
-    return np.asarray(np.linalg.solve(hessian, gradient), dtype=np.float64)
+    hessian = grid.flow_products.dot((template.products * weight).ravel()).astype(np.float64)
+    hessian[:: freedom + 1] += _DAMPING * hessian[0] + _TINY
+    solved, steps = cv2.solve(hessian.reshape(freedom, freedom), gradient[:, None])
+    return np.asarray(steps, dtype=np.float64).ravel() if solved else np.zeros(freedom)

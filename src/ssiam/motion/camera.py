@@ -21,6 +21,9 @@ KeypointName: TypeAlias = Literal["direct"] | GeneratorName
 KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
 
 _GROW: Final = 0.10  # of a box's size, added on each side: its edges move with it
+_GROWN: Final = np.block(  # low xy, high xy from x, y, w, h
+    [[np.eye(2), np.eye(2)], [-_GROW * np.eye(2), (1 + _GROW) * np.eye(2)]]
+)
 
 
 class _Estimator(Protocol):
@@ -116,6 +119,5 @@ def _boxes(exclude: Any) -> NDArray[np.float64]:
     boxes = np.asarray([] if exclude is None else exclude, dtype=np.float64)
     if boxes.size % 4 or boxes.ndim > 2 or not np.isfinite(boxes).all():
         raise ArgumentError(f"exclude is {exclude}: give (x, y, w, h) in pixels, or several")
-    x, y, w, h = boxes.reshape(-1, 4).T
-    low_xy, high_xy = (x - _GROW * w, y - _GROW * h), (x + (1 + _GROW) * w, y + (1 + _GROW) * h)
-    return np.stack([*low_xy, *high_xy], axis=1)
+    grown: NDArray[np.float64] = boxes.reshape(-1, 4) @ _GROWN
+    return grown

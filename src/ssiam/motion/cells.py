@@ -6,6 +6,7 @@ A cell is a square of samples, a small Lucas-Kanade patch (eq. 1 and 2). They ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
 import cv2
@@ -37,6 +38,8 @@ class Grid:
     flow : (freedom, 2 * cells) float32
         Pixels along x, then along y, that the middle of each cell moves for a unit step along
         each generator.
+    flow_products : (freedom * freedom, 3 * cells) float32
+        Of the flows of all pairs of generators: both along x, one along each, both along y.
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class Grid:
         )
         self.shape, self.cells = (rows, columns), rows * columns
         self._samples_wh = columns * side, rows * side
+        self._shares = np.full(side**2, 1 / side**2, dtype=np.float32)
         pixel_from_sample = np.diag([stride, stride, 1.0])
         pixel_from_sample[:2, 2] = self._first
         self._pixel_from_unit = pixel_from_unit
@@ -71,30 +75,29 @@ class Grid:
         self.flow: Floats = flow.reshape(len(flow), -1).astype(np.float32)
         fx, fy = flow.swapaxes(0, 1)
         products = [_outer(fx, fx), _outer(fx, fy) + _outer(fy, fx), _outer(fy, fy)]
-        self._flow_products = [product.astype(np.float32) for product in products]
+        self.flow_products: Floats = np.concatenate(products, axis=1).astype(np.float32)
 
-    def hessians(self, gradients: Floats) -> Floats:
-        """Each cell's ``J Jᵀ``, (freedom², cells), from its gradients (2, samples, cells)."""
-        gx, gy = gradients
-        xx, xy, yy = self._flow_products
-        return xx * over_cells(gx, gx) + xy * over_cells(gx, gy) + yy * over_cells(gy, gy)
-
-    def samples(self, picture: NDArray[Any]) -> Floats:
-        """Samples (samples, cells) of a picture."""
+    def samples(self, pictures: Sequence[NDArray[Any]]) -> Floats:
+        """Samples (pictures, samples, cells) of some pictures."""
         first, stride = self._first, self._stride
         width, height = self._samples_wh
-        sampled = picture[first : first + height * stride : stride]
-        return self._by_cell(sampled[:, first : first + width * stride : stride])
+        rows = slice(first, first + height * stride, stride)
+        columns = slice(first, first + width * stride, stride)
+        side = self._side
+        sampled = np.empty((len(pictures), side, side, *self.shape), dtype=np.float32)
+        for picture, into in zip(pictures, sampled, strict=True):
+            into[...] = self._by_cell(picture[rows, columns])
+        return sampled.reshape(len(pictures), side * side, self.cells)
 
-    def warped(self, picture: Image, cur_from_prev: Transform) -> Floats:
+    def warped(self, picture: Floats, cur_from_prev: Transform) -> Floats:
         """Samples (samples, cells) of a picture, each taken where a transform of units sends it."""
-        pixel_from_sample = self._pixel_from_unit @ cur_from_prev @ self._unit_from_sample
+        pixel_from_sample = self._pixel_from_unit.dot(cur_from_prev).dot(self._unit_from_sample)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         if self.model == "homography":
             seen = cv2.warpPerspective(picture, pixel_from_sample, self._samples_wh, flags=flags)
         else:
             seen = cv2.warpAffine(picture, pixel_from_sample[:2], self._samples_wh, flags=flags)
-        return self._by_cell(seen)
+        return self._by_cell(seen).reshape(self._side**2, self.cells)
 
     def background(self, boxes: NDArray[np.float64]) -> Floats:
         """Share (cells,) of each cell outside of boxes (N, 4), 0 where it is less than half.
@@ -109,22 +112,33 @@ class Grid:
             keep[keep < _LEAST] = 0
         return keep
 
+    def mean(self, samples: Floats) -> Floats:
+        """Mean (..., cells) over each cell of samples (..., samples, cells)."""
+        mean: Floats = np.matmul(self._shares, samples)  # three times as fast as np.mean
+        return mean
+
+    def variance(self, samples: Floats) -> Floats:
+        """Mean square (cells,) of samples (samples, cells), each cell's mean taken off."""
+        mean = self._shares.dot(samples)
+        spread: Floats = self._shares.dot(samples * samples) - mean * mean
+        return np.maximum(spread, 0, out=spread)
+
     def _covered(self, axis: int, low: float, high: float) -> Floats:
         """Share of each column (axis 0) or row (1) of cells between two places."""
         ends, side = self._cell_ends[axis], self._cell_wh[axis]
         overlap = np.minimum(ends, high) - np.maximum(ends - side, low)
         return np.asarray(np.maximum(overlap, 0) / side, dtype=np.float32)
 
-    def _by_cell(self, samples: NDArray[Any]) -> Floats:
+    def _by_cell(self, samples: NDArray[Any]) -> NDArray[Any]:
+        """A view (side, side, rows, columns) of samples in their places."""
         (rows, columns), side = self.shape, self._side
-        parts = samples.reshape(rows, side, columns, side).transpose(1, 3, 0, 2)
-        return parts.astype(np.float32, order="C").reshape(side * side, self.cells)
+        return samples.reshape(rows, side, columns, side).transpose(1, 3, 0, 2)
 
 
 class Template:
     """A picture's samples and their gradients, cell by cell.
 
-    Gradients are taken relative to their cell's mean, and so are errors: a change of light, which
+    Everything is taken relative to its cell's mean, and so are errors: a change of light, which
     shifts all of a cell's grey levels, does not count.
 
     Attributes
@@ -133,8 +147,8 @@ class Template:
         Grey levels.
     gradients : (2, samples, cells) float32
         Along x and y, eight times the grey levels per pixel.
-    hessians : (freedom * freedom, cells) float32
-        Each cell's ``J Jᵀ``.
+    products : (3, cells) float32
+        Sums over each cell of the gradients' products: xx, xy, yy.
     texture : (cells,) float32
         Variance of the samples, grey levels squared.
     textured : (cells,) bool
@@ -143,27 +157,18 @@ class Template:
 
     def __init__(self, picture: Image, grid: Grid) -> None:
         self.grid = grid
-        self.values = grid.samples(picture)
-        gradients = np.stack([grid.samples(part) for part in cv2.spatialGradient(picture)])
-        gradients -= np.add.reduce(gradients, axis=1, keepdims=True) * (1 / len(self.values))
-        self.gradients: Floats = gradients
-        self.hessians = grid.hessians(gradients)
-        self.texture = variance(self.values)
+        samples = grid.samples([*cv2.spatialGradient(picture), picture])
+        samples -= grid.mean(samples)[:, None]
+        self.gradients, self.values = samples[:2], samples[2]
+        xx, yy, squares = np.einsum("kij,kij->kj", samples, samples)
+        xy = np.einsum("ij,ij->j", samples[0], samples[1])
+        self.products: Floats = np.array([xx, xy, yy])
+        self.texture: Floats = squares * (1 / samples.shape[1])
         self.textured = self.texture > _TEXTURED
 
-
-def variance(samples: Floats) -> Floats:
-    """Mean square (cells,) of samples (samples, cells), each cell's mean taken off."""
-    share = 1 / len(samples)
-    mean = np.add.reduce(samples) * share
-    spread: Floats = over_cells(samples, samples) * share - mean * mean
-    return np.maximum(spread, 0, out=spread)
-
-
-def over_cells(first: Floats, second: Floats) -> Floats:
-    """Sum (cells,) of the products of two sets of samples (samples, cells)."""
-    summed: Floats = np.einsum("ij,ij->j", first, second)
-    return summed
+    def change_to(self, later: Template) -> Floats:
+        """Mean square (cells,) of the change at the same place in a later picture."""
+        return self.grid.mean(np.square(later.values - self.values))
 
 
 def _outer(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -96,13 +96,13 @@ class DirectMotion:
         telling = keep * template.textured
         explained = telling * np.maximum(1 - aligned.error / (template.texture + _TINY), 0)
         share = float(explained.sum()) / max(float(telling.sum()), _TINY)
-        agreeing = self._grid.centres[:, explained > _AGREES]
+        x, y = self._grid.centres.compress(explained > _AGREES, axis=1)
         scales = self._scales
         cur_from_prev = scales.frame_from_unit @ aligned.cur_from_prev @ scales.unit_from_frame
         motion = Motion(cur_from_prev, share, True, self._size_wh)
         sure = (
             share >= _RELIABLE
-            and agreeing.shape[1] >= _TELLING
-            and np.ptp(agreeing, axis=1).max() >= _SPREAD
+            and len(x) >= _TELLING
+            and max(x.max() - x.min(), y[-1] - y[0]) >= _SPREAD  # cells lie row by row
         )
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)

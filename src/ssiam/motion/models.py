@@ -44,14 +44,14 @@ def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]
 
 def change(steps: NDArray[np.float64]) -> Transform:
     """The transform of small steps along the first generators, to first order."""
-    changed: Transform = IDENTITY + (steps @ _FLAT[: len(steps)]).reshape(3, 3)
+    changed: Transform = IDENTITY + steps.dot(_FLAT[: len(steps)]).reshape(3, 3)
     return changed
 
 
 def within(to_from_from: Transform, model: ModelName) -> Transform:
     """The member of a model next to a transform that small steps have carried off it."""
     if model == "rigid":
-        a, b, c, d = to_from_from[:2, :2].ravel().tolist()
+        (a, b, _), (c, d, _), _ = to_from_from.tolist()
         to_from_from[:2, :2] /= math.sqrt(abs(a * d - b * c))
     elif model == "homography":
         to_from_from /= to_from_from[2, 2]

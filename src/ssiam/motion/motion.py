@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -121,5 +122,5 @@ class Motion:
 def plausible(motion: Motion) -> bool:
     """Whether a camera may have moved so far between two frames."""
     dx, dy, angle = motion.shift_angle
-    near = np.hypot(dx, dy) <= _MAX_SHIFT * max(motion.size_wh)
-    return bool(near and abs(angle) <= _MAX_ANGLE)
+    near = math.hypot(dx, dy) <= _MAX_SHIFT * max(motion.size_wh)
+    return near and abs(angle) <= _MAX_ANGLE

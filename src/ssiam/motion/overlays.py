@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssiam.geometry import Transform
-from ssiam.motion.cells import Floats, Grid, Template, variance
+from ssiam.motion.cells import Floats, Grid, Template
 from ssiam.motion.models import map_units
 
 _MOVED: Final = 1.0  # px of the fine picture that a cell must have moved to tell anything
@@ -36,10 +37,16 @@ class Overlays:
         self, prev: Template, cur: Template, cur_from_prev: Transform, error: Floats
     ) -> None:
         """Compare how well moving (`error`, by cell) and standing still explain a frame."""
-        shift = map_units(cur_from_prev, self._grid.centres) - self._grid.centres
-        moved = np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED
-        still = variance(cur.values - prev.values)
-        same = (still < _SAME * prev.texture) & (still < _BETTER * error)
-        self._evidence += np.where(moved & prev.textured & same, _GAIN * (1 - self._evidence), 0)
+        still = prev.change_to(cur)
+        same = (still < np.minimum(_SAME * prev.texture, _BETTER * error)) & prev.textured
+        if same.any():
+            evidence = same & self._moved(cur_from_prev)
+            self._evidence += np.where(evidence, _GAIN * (1 - self._evidence), 0)
         self._evidence[still > _CHANGED * prev.texture] = 0
         self.background = (self._evidence < _BELIEVED).astype(np.float32)
+
+    def _moved(self, cur_from_prev: Transform) -> NDArray[np.bool_]:
+        """Cells (cells,) that moved far enough to tell the screen from the scene."""
+        centres = self._grid.centres
+        shift = map_units(cur_from_prev, centres) - centres
+        return np.asarray(np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED)

@@ -49,6 +49,7 @@ class Scales:
         self.frame_from_unit: Transform = np.array(
             [[half, 0, (width - 1) / 2], [0, half, (height - 1) / 2], [0, 0, 1]]
         )
+        self._middles = np.tile(self.frame_from_unit[:2, 2], 2)
         x_scale, y_scale = np.divide(self.fine_wh, size_wh)
         fine_from_frame = np.array(
             [[x_scale, 0, (x_scale - 1) / 2], [0, y_scale, (y_scale - 1) / 2], [0, 0, 1]]
@@ -60,8 +61,8 @@ class Scales:
 
     def in_units(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Boxes (N, 4) low xy, high xy, from the frame's pixels to units."""
-        scale, offset = self.frame_from_unit[0, 0], self.frame_from_unit[:2, 2]
-        return np.asarray((boxes - np.tile(offset, 2)) / scale)
+        scaled: NDArray[np.float64] = (boxes - self._middles) / self.frame_from_unit[0, 0]
+        return scaled
 
     def picture(self, frame: Image) -> Picture:
         """The three pictures of a frame (H, W, 3) uint8 BGR."""

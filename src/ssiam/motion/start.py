@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import IDENTITY, Image, Transform
 from ssiam.motion.alignment import Rules, agreement_of, align
-from ssiam.motion.cells import Floats, Grid, Template, variance
+from ssiam.motion.cells import Floats, Grid, Template
 from ssiam.motion.pictures import Picture, Scales
 from ssiam.motion.vote import voted_shift
 
@@ -65,19 +65,22 @@ class CoarseStart:
         keep = self.grid.background(boxes) * overlays.ravel()
         counted = keep * template.textured
         counted /= max(float(counted.sum()), _TINY)
-        change = variance(cur_template.values - template.values)
-        still = agreement_of(change, template.texture, rules.noise, rules.tolerance)
+        tolerated = rules.tolerated(template.texture)
+        still = agreement_of(template.change_to(cur_template), tolerated)
         moved = bool(still @ counted < _SURE)
         best, best_share = IDENTITY, -1.0
         for _ in range(2):
             start = self._voted(prev_picture.tiny, cur_picture.tiny, keep) if moved else IDENTITY
             aligned = align(template, cur_picture.coarse, start, keep, rules)
-            share = float(aligned.agreement @ counted)
+            agreement = agreement_of(aligned.error, tolerated)
+            share = float(agreement @ counted)
             if share > best_share:
                 best, best_share = aligned.cur_from_prev, share
-            around = cv2.dilate(aligned.agreement.reshape(shape), _NEIGHBOURS).ravel()
+            if share >= _SURE:
+                break
+            around = cv2.dilate(agreement.reshape(shape), _NEIGHBOURS).ravel()
             keep, moved = keep * (around < _DISAGREES), True
-            if share >= _SURE or keep.mean() < _ENOUGH_LEFT:
+            if keep.mean() < _ENOUGH_LEFT:
                 break
         return best
 

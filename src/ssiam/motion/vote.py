@@ -31,12 +31,12 @@ def voted_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, flo
     if not free.any():
         return 0.0, 0.0
     block_h, block_w = height // rows, width // columns
-    votes = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
+    likenesses = []
     for row, column in np.argwhere(free >= _LEAST * free.max()).tolist():
         top, left = row * block_h, column * block_w
         block = prev[top : top + block_h, left : left + block_w]
         place = around[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]
-        likeness = cv2.matchTemplate(place, block, cv2.TM_CCOEFF_NORMED)
-        cv2.accumulateSquare(np.maximum(likeness, 0), votes)
+        likenesses.append(cv2.matchTemplate(place, block, cv2.TM_CCOEFF_NORMED))
+    votes = np.add.reduce(np.square(np.maximum(likenesses, 0)))
     _, _, _, (x, y) = cv2.minMaxLoc(cv2.GaussianBlur(votes, (3, 3), 0))
     return float(x - reach), float(y - reach)
