@@ -50,6 +50,29 @@ class Scripted:
         return self.track(view)
 
 
+class Confused(Scripted):
+    """Takes what stands beside the target for it while it is hidden, after a frame of doubt."""
+
+    def __init__(self, frames, path):
+        truth = [None if t in HIDDEN else target_in(pose) for t, pose in enumerate(path)]
+        super().__init__(frames, truth)
+        x, y, w, h = TARGET
+        beside = (x + 1.4 * w, y, w, h)
+        self._doubles = {
+            id(frame): map_box(pose, beside)
+            for t, (frame, pose) in enumerate(zip(frames, path, strict=True))
+            if t in HIDDEN[1:]
+        }
+
+    def track(self, view):
+        track = super().track(view)
+        double = self._doubles.get(id(view.raw))
+        if double is None:
+            return track
+        self._xywh = map_box(view.stab_from_raw, double)
+        return replace(track, box=self._xywh, score=0.7)
+
+
 @cache
 def covered():
     """Frames in which a cover hides the target while the camera pans away and back."""
@@ -103,6 +126,30 @@ def test_what_was_lost_is_found_again(hidden):
     tracks, truth = hidden
     last = HIDDEN[-1] + 30
     for track, box in zip(tracks[last:], truth[last + 1 :], strict=True):
+        assert not track.lost
+        assert apart(track.box, box) < 0.5
+
+
+def test_what_stands_beside_a_hidden_target_is_not_taken_for_it():
+    path = shaken_pan(COUNT)
+    frames = [shown(COVERED if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)]
+    tracker = SteadiedTracker(Confused(frames, path), CONFIG)
+    tracker.init(frames[0], target_in(path[0]))
+    tracks = [None, *(tracker.update(frame) for frame in frames[1:])]
+    assert all(tracks[t].lost for t in HIDDEN[10:])
+    for t in range(HIDDEN[-1] + 10, COUNT):
+        assert not tracks[t].lost
+        assert apart(tracks[t].box, target_in(path[t])) < 0.5
+
+
+def test_a_target_that_jumps_in_sight_is_not_lost():
+    frames, path = [shown(OPEN, pose) for pose in shaken_pan(40)], shaken_pan(40)
+    there = [rigid(50.0 * (t >= 20), 0, 0) @ pose for t, pose in enumerate(path)]
+    truth = [target_in(pose) for pose in there]
+    tracker = SteadiedTracker(Scripted(frames, truth), CONFIG)
+    tracker.init(frames[0], truth[0])
+    for frame, box in zip(frames[1:], truth[1:], strict=True):
+        track = tracker.update(frame)
         assert not track.lost
         assert apart(track.box, box) < 0.5
 

@@ -11,10 +11,10 @@ from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Prediction, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.track import Track
-from ssiam.trackers.watch import Watch
+from ssiam.trackers.watch import Watch, Whereabouts
 
 _SURE: Final = 0.5  # score from which the target is where the box is
-_CERTAIN: Final = 0.75  # score with which a lost target is believed to be somewhere else
+_CERTAIN: Final = 0.75  # score with which a target is believed to be where it could not get to
 _LIKELY: Final = 0.25  # score from which the box is remembered as the target's place
 # Where a search looks in turn, in units of its reach.
 _ROUND: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
@@ -41,8 +41,9 @@ class Pursuit:
         self._tracker, self._config = tracker, config
         self._prediction = Prediction(config, xywh)
         self._watch = Watch()
-        self._place = xywh  # where the target was last surely seen, carried along with the scene
+        self._place = xywh  # where the target was last likely, carried along with the scene
         self._held = xywh  # the same, as it was when the scene was last cut
+        self._whereabouts = Whereabouts(xywh)
         self._trail = xywh  # the tracker's own guess, carried along with the scene
         self._seen_again = False
         self._astray = False  # whether the tracker was left elsewhere than its last box
@@ -75,6 +76,7 @@ class Pursuit:
 
     def _carry(self, motion: Motion) -> None:
         """Take the places along with the scene; a cut may come back to where it was."""
+        self._whereabouts.carry(motion)
         if motion.reliable:
             self._place = map_box(motion.cur_from_prev, self._place)
             self._trail = map_box(motion.cur_from_prev, self._trail)
@@ -99,19 +101,23 @@ class Pursuit:
         """What the tracker sees where it was going, or else where a lost target may be."""
         own = self._seek(view, self._trail)
         self._trail = own.box
-        if own.score > _LIKELY:
+        if own.score > _LIKELY and self._is_credible(own):
             return own
         other = self._seek(view, self._candidate(self._watch.frames))
-        return other if other.score > _CERTAIN else own
+        return other if other.score > max(own.score, _CERTAIN) else own
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
         return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
 
     def _judge(self, track: Track) -> None:
-        self._watch.update(track.score if self._config.find else 1.0)
+        credible = self._is_credible(track)
+        if self._config.find:
+            self._watch.update(track.score if credible else 0.0)
+        if track.score > _LIKELY and not self._watch.lost:
+            self._whereabouts.see(track.box)
         sure = track.score > _SURE
-        self._seen_again = sure
+        self._seen_again = sure and credible
         if self._searching:
             self._prediction.move_to(track.box if sure else self._trail)
             return
@@ -119,6 +125,10 @@ class Pursuit:
             self._place = track.box
         self._trail = track.box
         self._prediction.observe(track.box, track.score)
+
+    def _is_credible(self, track: Track) -> bool:
+        """Whether the target can be in a box, or the tracker is certain enough that it is."""
+        return track.score > _CERTAIN or self._whereabouts.explains(track.box)
 
     def _candidate(self, step: int) -> XYWH:
         """Where to look in this step of a search."""
