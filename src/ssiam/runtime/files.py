@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 from ssiam.errors import WeightsError
 
-__all__ = ["cache_folder", "check_onnx", "damaged", "sha256"]
+__all__ = ["cache_folder", "check_onnx", "damaged", "identity", "sha256"]
 
 _CHUNK: Final = 1 << 20  # bytes
 
@@ -30,6 +31,12 @@ def sha256(path: Path) -> str:
         while chunk := file.read(_CHUNK):
             digest.update(chunk)
     return digest.hexdigest()
+
+
+def identity(paths: Iterable[Path], about: str) -> str:
+    """32 digits that change with the files' names, sizes or times, or with `about`; unread."""
+    stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
+    return hashlib.sha256(f"{stats} {about}".encode()).hexdigest()[:32]
 
 
 def check_onnx(path: Path) -> None:

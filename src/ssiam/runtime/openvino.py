@@ -19,7 +19,9 @@ sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
 
 import openvino as ov  # noqa: E402
 
-_CORE = ov.Core()
+__all__ = ["CORE", "OpenVinoNetwork", "computes_in_bf16", "ov", "read_model"]
+
+CORE = ov.Core()
 _LOG = logging.getLogger(__name__)
 _WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
 
@@ -36,11 +38,12 @@ class OpenVinoNetwork:
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "int8"}
-        "bf16" needs a CPU that computes in it (AVX-512 or AMX); on others it is float32, with a
-        warning in the log. "int8" asks for a file that was exported so; layers of such a file
-        that are not in int8 run in float32.
+        "bf16" needs a CPU with AVX-512 or AMX for it; on others it is float32, with a warning in
+        the log. "int8" asks for a file that was exported so; its other layers run in float32.
     cached : bool
         Keep a large network compiled in the user's cache folder, if that can be written.
+    model : openvino.Model, optional
+        What the file holds, if it has been read; it is not kept compiled then.
 
     Raises
     ------
@@ -56,8 +59,10 @@ class OpenVinoNetwork:
         precision: Precision = "f32",
         *,
         cached: bool = True,
+        model: ov.Model | None = None,
     ) -> None:
-        model = _read(path)
+        cached = cached and model is None
+        model = read_model(path) if model is None else model
         if input_shape is not None:
             try:
                 model.reshape({0: list(input_shape)})
@@ -101,7 +106,7 @@ class OpenVinoNetwork:
 
 def computes_in_bf16() -> bool:
     """Whether this CPU has bf16 arithmetic that OpenVINO uses."""
-    return "BF16" in _CORE.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+    return "BF16" in CORE.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
 
 
 def _arithmetic(precision: Precision) -> str:
@@ -117,15 +122,16 @@ def _compiled(model: ov.Model, settings: dict[str, Any], *, cached: bool) -> ov.
         folder = cache_folder() / "openvino"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            return _CORE.compile_model(model, "CPU", settings | {"CACHE_DIR": str(folder)})
+            return CORE.compile_model(model, "CPU", settings | {"CACHE_DIR": str(folder)})
         except (OSError, RuntimeError) as error:
             _LOG.info("compiled networks are not kept in %s: %s", folder, error)
-    return _CORE.compile_model(model, "CPU", settings)
+    return CORE.compile_model(model, "CPU", settings)
 
 
-def _read(path: Path) -> ov.Model:
+def read_model(path: Path) -> ov.Model:
+    """The model of an .onnx file, or a `WeightsError`."""
     check_onnx(path)
     try:
-        return _CORE.read_model(path)
+        return CORE.read_model(path)
     except RuntimeError as error:
         raise damaged(path) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -10,8 +11,8 @@ from typing import Final
 from ssiam.errors import ArgumentError, SinkError, WeightsError
 from ssiam.runtime import load_network
 from ssiam.runtime.exported import VERSION, Exported, export_folder
-from ssiam.runtime.files import cache_folder, sha256
-from ssiam.runtime.network import Network, Running
+from ssiam.runtime.files import cache_folder, identity, sha256
+from ssiam.runtime.network import Network, Precision, Running
 from ssiam.runtime.pytorch import another_network, torch_pieces
 
 __all__ = ["Pieces", "load_pieces"]
@@ -19,6 +20,7 @@ __all__ = ["Pieces", "load_pieces"]
 Pieces = dict[str, Network]
 
 _LOG = logging.getLogger(__name__)
+_WORTH_SHARING: Final = 50_000_000  # bytes of an .onnx file
 _DIGITS: Final = 16  # of a file's digest in the name of its exported folder
 
 
@@ -72,16 +74,44 @@ def _exported_pieces(folder: Path, network: str, running: Running) -> Pieces:
             f"weights {folder} are not in int8: export the .pth file so, "
             f"ssiam weights export {exported.name} FILE --precision int8 --pictures VIDEO"
         )
-    return {
-        piece: load_network(
-            folder / f"{piece}.onnx",
-            runtime=running.runtime,
-            threads=running.threads,
-            precision="bf16" if running.precision == "bf16" else "f32",
-            device=running.device,
-        )
-        for piece in exported.pieces
+    paths = {piece: folder / f"{piece}.onnx" for piece in exported.pieces}
+    pieces = _together(paths, exported, running)
+    for piece, path in paths.items():
+        if piece not in pieces:
+            pieces[piece] = load_network(
+                path,
+                runtime=running.runtime,
+                threads=running.threads,
+                precision=_arithmetic(running),
+                device=running.device,
+            )
+    return pieces
+
+
+def _together(paths: Mapping[str, Path], exported: Exported, running: Running) -> Pieces:
+    """The large pieces, whose backbones are the same, with its weights in memory once.
+
+    None of int8, whose search piece has other weights, and none on another runtime.
+    """
+    if running.runtime != "openvino" or exported.precision == "int8":
+        return {}
+    from ssiam.runtime.openvino_joint import load_together
+
+    large = {
+        piece: path
+        for piece, path in paths.items()
+        if path.is_file() and path.stat().st_size >= _WORTH_SHARING
     }
+    if len(large) < 2:
+        return {}
+    files = list(large.values())
+    digest = identity(files, str(exported))
+    networks = load_together(files, digest, running.threads, _arithmetic(running))
+    return dict(zip(large, networks, strict=True))
+
+
+def _arithmetic(running: Running) -> Precision:
+    return "bf16" if running.precision == "bf16" else "f32"
 
 
 def _converted_pieces(weights: Path, network: str, running: Running) -> Pieces:
