@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import struct
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, Final, NamedTuple
@@ -20,7 +21,7 @@ from ssiam.networks.recognition import COUNTERS, recognise
 from ssiam.networks.renaming import renamed
 from ssiam.networks.siamese import SiameseNetwork
 
-__all__ = ["Checkpoint", "load_weights", "read_checkpoint"]
+__all__ = ["Checkpoint", "load_weights", "read_checkpoint", "read_content", "read_tensors"]
 
 _WRAPPERS: Final = ("state_dict", "model")  # keys under which training stores the weights
 
@@ -64,11 +65,23 @@ def read_checkpoint(path: Path) -> Checkpoint:
         The file is missing, damaged, no checkpoint, or does not hold exactly the weights of one of
         `NETWORKS`; counters of training may be absent.
     """
-    try:
-        _check_start(path)
+    with _named(path):
         return load_weights(_weights(_content(path)))
-    except WeightsError as error:
-        raise WeightsError(f"weights {path} {error}") from error
+
+
+def read_tensors(path: Path) -> dict[str, Tensor]:
+    """The tensors of any network's checkpoint file by their names; errors as `read_checkpoint`."""
+    with _named(path):
+        return _weights(_content(path))
+
+
+def read_content(path: Path) -> Any:
+    """Whatever a file of PyTorch holds: tensors, numbers, text and containers, and never code.
+
+    Raises `WeightsError` if it is missing, damaged or none.
+    """
+    with _named(path):
+        return _content(path)
 
 
 def load_weights(weights: Mapping[str, Tensor]) -> Checkpoint:
@@ -98,6 +111,15 @@ def _loaded(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetwork:
     floats = {key: value.float() for key, value in weights.items() if not key.endswith(COUNTERS)}
     network.load_state_dict({**floats, **counters}, strict=True, assign=True)
     return network
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Puts the file in front of the errors' text."""
+    try:
+        yield
+    except WeightsError as error:
+        raise WeightsError(f"weights {path} {error}") from error
 
 
 def _check_start(path: Path) -> None:
@@ -138,6 +160,7 @@ def _check_archive(path: Path) -> None:
 
 def _content(path: Path) -> Any:
     """Whatever the file holds, as long as it is tensors, numbers, text and containers."""
+    _check_start(path)
     try:
         with torch.serialization.safe_globals(_NUMBERS):
             return torch.load(path, map_location="cpu", weights_only=True)

@@ -10,19 +10,23 @@ from pathlib import Path
 import torch
 
 from ssiam.errors import MissingExtraError
-from ssiam.networks.graphs import InferenceGraph
+from ssiam.networks.graphs import InferenceGraph, LowerGraph
 
 __all__ = ["write_onnx"]
 
 
 def write_onnx(
-    graph: InferenceGraph, input_shapes: Sequence[tuple[int, ...]], path: Path, *, opset: int
+    graph: InferenceGraph | LowerGraph,
+    input_shapes: Sequence[tuple[int, ...]],
+    path: Path,
+    *,
+    opset: int,
 ) -> None:
     """Write a piece with inputs of fixed shapes.
 
     Parameters
     ----------
-    graph : InferenceGraph
+    graph : InferenceGraph or LowerGraph
         Its correlations sliced, so that every runtime takes the file.
     input_shapes : sequence of tuple of int
     path : Path

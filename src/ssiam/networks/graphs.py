@@ -1,7 +1,7 @@
 """Networks in inference pieces: modules that take and give tensors only.
 
 Each becomes an ONNX file of its own. `template` runs once a target, `search` once a frame, and
-`refine` or `mask` for the one cell whose mask is wanted.
+`refine` or `mask` for the one cell whose mask is wanted (of `LiteNetwork`, for the whole crop).
 """
 
 from __future__ import annotations
@@ -10,11 +10,15 @@ from typing import TypeAlias
 
 from torch import Tensor, nn
 
+from ssiam.networks.efficientnet_lite import EfficientNetLite0
+from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.siamese import SiameseNetwork
 from ssiam.networks.siammask import SiamMask, SiamMaskBase
 
 __all__ = [
     "InferenceGraph",
+    "LiteMaskGraph",
+    "LowerGraph",
     "MaskGraph",
     "RefineGraph",
     "SearchGraph",
@@ -100,7 +104,48 @@ class RefineGraph(nn.Module):
         return logits
 
 
-InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph
+class LiteMaskGraph(nn.Module):
+    """Response (1, 96, 32, 32) and features (1, 24, 64, 64) -> mask logits (1, 1, 64, 64)."""
+
+    input_shapes = ((1, 96, 32, 32), (1, 24, 64, 64))
+
+    input_names: tuple[str, ...] = ("response", "stride4")
+    output_names: tuple[str, ...] = ("logits",)
+
+    def __init__(self, network: LiteNetwork) -> None:
+        super().__init__()
+        self.head = network.mask_head
+
+    def forward(self, response: Tensor, stride4: Tensor) -> Tensor:
+        """Mask logits of the search crop that these are of."""
+        logits: Tensor = self.head(response, stride4)
+        return logits
+
+
+class LowerGraph(nn.Module):
+    """Crop (1, 3, S, S) -> the first levels of a backbone: no piece, but what training freezes.
+
+    Parameters
+    ----------
+    backbone : EfficientNetLite0
+    count : int
+        Levels, 1 to 3.
+    """
+
+    input_names: tuple[str, ...] = ("crop",)
+
+    def __init__(self, backbone: EfficientNetLite0, count: int) -> None:
+        super().__init__()
+        self.backbone = backbone
+        self._count = count
+        self.output_names = tuple(f"level{number}" for number in range(count))
+
+    def forward(self, crop: Tensor) -> tuple[Tensor, ...]:
+        """The levels of a crop."""
+        return tuple(self.backbone.lower(crop, self._count))
+
+
+InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph | LiteMaskGraph
 
 
 def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[str, InferenceGraph]:
@@ -116,4 +161,6 @@ def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[st
         graphs["refine"] = RefineGraph(network)
     elif isinstance(network, SiamMaskBase):
         graphs["mask"] = MaskGraph(network)
+    elif isinstance(network, LiteNetwork):
+        graphs["mask"] = LiteMaskGraph(network)
     return graphs

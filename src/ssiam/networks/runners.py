@@ -74,6 +74,8 @@ class GraphRunner:
 
     def _placed(self, array: NDArray[np.float32]) -> Tensor:
         tensor = torch.from_numpy(array).to(self._device, self._dtype)
+        if tensor.ndim != 4:
+            return tensor
         return tensor.contiguous(memory_format=torch.channels_last)
 
 

@@ -1,0 +1,39 @@
+"""`ssiam train`: train the small tracker's network from a config."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+
+def train(config: Path, /, *, out: Path | None = None) -> None:
+    """Train the small tracker.
+
+    Start the same command after an interruption, and it goes on from its last checkpoint. At the
+    end the folder holds weights.pth and the .onnx files that the tracker runs.
+
+    Parameters
+    ----------
+    config
+        TOML file; configs/lite.toml shows all there is. Paths in it start from the current
+        folder.
+    out
+        Folder of checkpoint, metrics and network; by default runs/NAME, after the config.
+    """
+    from ssiam.training.config import read_config
+    from ssiam.training.loading import load_batches
+    from ssiam.training.loop import train as run
+    from ssiam.training.opening import open_training_source
+    from ssiam.training.pairs import PairSampler
+
+    settings = read_config(config)
+    sources = [open_training_source(each) for each in settings.sources]
+    sampler = PairSampler(sources, settings.pairs, settings.seed)
+    batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
+    run(settings, batches, out or Path("runs") / config.stem, _show)
+
+
+def _show(step: int, values: dict[str, float]) -> None:
+    print(
+        f"{step}: " + ", ".join(f"{name} {value:.4g}" for name, value in values.items()), flush=True
+    )

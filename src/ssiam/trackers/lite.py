@@ -1,0 +1,167 @@
+"""The small tracker trained here: an anchor-free search, and a mask of the target.
+
+The loop is that of the Siamese trackers; the score is the probability that a cell lies on the
+target times the overlap that its box is expected to have. Unlike theirs it has no half pixels of
+asymmetry: centres are those of the boxes, x + w / 2, and crops count from where they were cut.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from ssiam.geometry import XYWH, Points, corners_from_xywh
+from ssiam.runtime import Network, Running, Tensor
+from ssiam.stabilize import FrameView
+from ssiam.trackers.confidence import Confidence
+from ssiam.trackers.lite_mask import Mask, crop_corner, pasted
+from ssiam.trackers.mask_boxes import rectangle_box
+from ssiam.trackers.siamese import (
+    EXEMPLAR,
+    Floats,
+    SearchParameters,
+    TargetState,
+    choose,
+    cosine_window,
+    crop_tensor,
+    moved,
+    state_at,
+)
+from ssiam.trackers.track import Track
+
+SEARCH: Final = 255  # px, side of the search crop
+_STRIDE: Final = 8  # px between cells
+_SIDE: Final = 32  # cells
+_LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
+_MASK_THRESHOLD: Final = 0.5
+
+PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.4, lr=0.4)
+CONFIDENCE: Final = Confidence((1.0, 1.0), 0.0)  # of the logits of score and quality; not fitted
+
+
+@dataclass(frozen=True)
+class LiteNetworks:
+    """The networks, which any number of trackers may share.
+
+    `template` (1, 3, 127, 127) float32 BGR in 0..255 -> kernel (1, 64, 96); `search`
+    (1, 3, 255, 255) and the kernel -> logits of score and quality (1, 1, 32, 32), distances
+    (1, 4, 32, 32) in px, and two features, from which `mask` makes logits (1, 1, 64, 64).
+    Without `mask` there are neither masks nor rotated boxes.
+    """
+
+    template: Network
+    search: Network
+    mask: Network | None = None
+
+    @classmethod
+    def load(cls, weights: Path, running: Running) -> LiteNetworks:
+        """The networks of a folder that `ssiam train` has written.
+
+        Raises `WeightsError` when they are missing, damaged or of another network.
+        """
+        from ssiam.runtime.pieces import load_pieces
+
+        pieces = load_pieces(weights, "lite", running)
+        return cls(pieces["template"], pieces["search"], pieces.get("mask"))
+
+
+class LiteTracker:
+    """The loop on any frame view.
+
+    Parameters
+    ----------
+    networks : LiteNetworks
+    parameters : SearchParameters
+    confidence : Confidence
+        Of the logits of the chosen cell's score and quality.
+    """
+
+    doubt = 0.0
+
+    def __init__(
+        self,
+        networks: LiteNetworks,
+        parameters: SearchParameters = PARAMETERS,
+        confidence: Confidence = CONFIDENCE,
+    ) -> None:
+        self._networks = networks
+        self._parameters = parameters
+        self._confidence = confidence
+        self._window = cosine_window(_SIDE)
+        middles = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
+        self._middles = np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
+
+    def init(self, view: FrameView, xywh: XYWH) -> None:
+        """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
+        self._state = state_at(xywh)
+        self._fill: Floats = view.raw.mean(axis=(0, 1))
+        side = round(self._state.context_side)
+        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
+        (self._kernel,) = self._networks.template(crop_tensor(crop))
+
+    def track(self, view: FrameView) -> Track:
+        """The target in the next view, with mask and corners if there is a network for them."""
+        last = self._state
+        side = round(SEARCH / EXEMPLAR * last.context_side)
+        zoom = SEARCH / side
+        crop = view.crop(last.centre_xy, side, SEARCH, self._fill)
+        scores, qualities, distances, *features = self._networks.search(
+            crop_tensor(crop), self._kernel
+        )
+        score = _sigmoid(scores) * _sigmoid(qualities)
+        boxes = self._boxes(distances)
+        boxes[:2] += self._off(last, side)[:, None] * zoom
+        size = np.array(last.size_wh) * zoom
+        best, penalty = choose(boxes, score, size, self._window, self._parameters)
+        rate = penalty * score[best] * self._parameters.lr
+        self._state = moved(last, boxes[:, best], zoom, rate, view)
+        logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
+        evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
+        probability = self._confidence.probability(evidence)
+        mask, corners = self._mask(features, view, last, side)
+        return Track(self._state.xywh, probability, mask=mask, corners=corners, evidence=evidence)
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, looked for around `xywh`."""
+        self._state = state_at(xywh)
+        return self.track(view)
+
+    def another(self) -> LiteTracker:
+        """A second tracker on the same networks."""
+        return LiteTracker(self._networks, self._parameters, self._confidence)
+
+    @staticmethod
+    def _off(last: TargetState, side: int) -> Floats:
+        """How far (2,) the middle of the search crop lies from the last centre, view's pixels."""
+        return crop_corner(last.centre_xy, side) + side / 2 - last.centre_xy
+
+    def _boxes(self, distances: Tensor) -> Floats:
+        """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
+        left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
+        x, y = self._middles
+        return np.stack(
+            [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
+        )
+
+    def _mask(
+        self, features: list[Tensor], view: FrameView, last: TargetState, side: int
+    ) -> tuple[Mask | None, Points | None]:
+        """The mask in the view's pixels and its rotated box, or the upright box if it is empty."""
+        if self._networks.mask is None:
+            return None, None
+        (logits,) = self._networks.mask(*features)
+        # A steadied view shows parts of the raw frame beyond its own edges.
+        margin = 0 if view.is_raw else view.border
+        mask = pasted(logits, last.centre_xy, side, view.size_wh, margin) > _MASK_THRESHOLD
+        box = rectangle_box(mask)
+        width, height = view.size_wh
+        corners = corners_from_xywh(self._state.xywh) if box is None else box - margin
+        return mask[margin : margin + height, margin : margin + width], corners
+
+
+def _sigmoid(logits: Tensor) -> Floats:
+    """Probabilities (n * n,) of logits (1, 1, n, n)."""
+    return np.asarray((1 + np.tanh(logits.ravel().astype(np.float64) / 2)) / 2)

@@ -1,0 +1,87 @@
+"""Where a training run stands: one file, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+
+from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.networks.checkpoints import read_content
+from ssiam.training.settings import TrainSettings
+
+__all__ = ["CHECKPOINT", "read_state", "write_file", "write_state"]
+
+CHECKPOINT: Final = "checkpoint.pth"
+
+State = dict[str, Any]
+
+
+def write_state(folder: Path, settings: TrainSettings, state: Mapping[str, Any]) -> None:
+    """Store a run's state, of tensors, numbers, texts and containers.
+
+    Raises `SinkError` if that is not possible; the state that was there before is kept then.
+    """
+    content = {"settings": json.dumps(settings.identity(), sort_keys=True), **state}
+    write_file(folder / CHECKPOINT, content)
+
+
+def read_state(folder: Path, settings: TrainSettings) -> State | None:
+    """The state of the run in a folder; None if there is none yet.
+
+    Raises
+    ------
+    WeightsError
+        The file is damaged, or no state of a run.
+    ArgumentError
+        It is of a run with other settings; the message names the first that differs.
+    """
+    path = folder / CHECKPOINT
+    if not path.exists():
+        return None
+    try:
+        content = read_content(path)
+        theirs = json.loads(content.pop("settings"))
+    except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise WeightsError(
+            f"checkpoint {path} is damaged: take it away to train from the start, "
+            "or put back a copy of it"
+        ) from error
+    ours = json.loads(json.dumps(settings.identity()))
+    different = _different(theirs, ours)
+    if different:
+        raise ArgumentError(
+            f"{folder} holds a run with other settings ({different}): "
+            "give another folder with --out, or those settings"
+        )
+    return dict(content)
+
+
+def write_file(path: Path, content: Any) -> None:
+    """Store what PyTorch can store, so that a kill leaves the old file or the new one."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("wb") as file:
+            torch.save(content, file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise SinkError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _different(theirs: Any, ours: Any, where: str = "") -> str:
+    """The first value that differs, with its name; empty if none does."""
+    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+        return "" if theirs == ours else f"{where} is {theirs!r} there and {ours!r} here"
+    for key in sorted(theirs.keys() | ours.keys()):
+        name = f"{where}.{key}" if where else key
+        found = _different(theirs.get(key), ours.get(key), name)
+        if found:
+            return found
+    return ""

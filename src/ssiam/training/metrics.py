@@ -1,0 +1,84 @@
+"""What a training run tells of itself: a CSV file, and TensorBoard where that is installed."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+from ssiam.errors import SinkError
+
+__all__ = ["METRICS", "Metrics"]
+
+METRICS: Final = "metrics.csv"
+_COLUMNS: Final = ("step", "name", "value")
+
+
+class Metrics:
+    """Numbers by step and name, one a row.
+
+    Parameters
+    ----------
+    folder : Path
+    step : int
+        Where the run goes on: rows of this and later steps, left by a run that was killed, are
+        taken out.
+
+    Raises
+    ------
+    SinkError
+        The file cannot be written.
+    """
+
+    def __init__(self, folder: Path, step: int = 0) -> None:
+        path = folder / METRICS
+        try:
+            kept = _rows_before(path, step)
+            self._file = path.open("w", newline="", encoding="utf-8")
+        except OSError as error:
+            raise SinkError(f"{path} cannot be written: {error.strerror or error}") from error
+        self._rows = csv.writer(self._file)
+        self._rows.writerow(_COLUMNS)
+        self._rows.writerows(kept)
+        self._board = _board(folder, step)
+
+    def write(self, step: int, values: Mapping[str, float]) -> None:
+        """Store the values of a step at once."""
+        for name, value in values.items():
+            self._rows.writerow((step, name, f"{value:.6g}"))
+            if self._board is not None:
+                self._board.add_scalar(name, value, step)
+        self._file.flush()
+
+    def __enter__(self) -> Metrics:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._file.close()
+        if self._board is not None:
+            self._board.close()
+
+
+def _rows_before(path: Path, step: int) -> list[list[str]]:
+    """Rows of a file of earlier steps; a last row that was cut off is left out."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.reader(file) if len(row) == len(_COLUMNS) and row[0].isdigit()]
+    return [row for row in rows if int(row[0]) < step]
+
+
+def _board(folder: Path, step: int) -> Any:
+    if find_spec("tensorboard") is None:
+        return None
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(folder / "tensorboard"), purge_step=step)

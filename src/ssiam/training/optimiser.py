@@ -1,0 +1,42 @@
+"""The optimiser: AdamW with a slower backbone, and no decay where it would do harm."""
+
+from __future__ import annotations
+
+from torch import nn
+from torch.optim import AdamW
+
+from ssiam.training.schedule import rate
+from ssiam.training.settings import TrainSettings
+from ssiam.training.student import Student
+
+__all__ = ["build_optimiser", "set_rate"]
+
+
+def build_optimiser(student: Student, settings: TrainSettings) -> AdamW:
+    """AdamW on all that will ever learn, in groups that know their `factor` of the rate."""
+    own = settings.optimiser
+    first_trained = settings.network.frozen_levels(settings.network.frozen_steps)
+    backbone = student.backbone_weights(first_trained)
+    theirs = {id(parameter) for parameter in student.network.backbone.parameters()}
+    others = [each for each in student.parameters() if id(each) not in theirs]
+    groups = [
+        {"params": weights, "factor": factor, "weight_decay": decay}
+        for parameters, factor in ((backbone, own.backbone), (others, 1.0))
+        for weights, decay in zip(_split(parameters), (own.decay, 0.0), strict=True)
+        if weights
+    ]
+    return AdamW(groups, lr=own.lr)
+
+
+def set_rate(optimiser: AdamW, step: int, settings: TrainSettings) -> float:
+    """Set the rate of a step; the one of the groups without a factor is returned."""
+    lr = settings.optimiser.lr * rate(step, settings.steps, settings.optimiser)
+    for group in optimiser.param_groups:
+        group["lr"] = lr * group["factor"]
+    return lr
+
+
+def _split(parameters: list[nn.Parameter]) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
+    """Kernels, and all else: biases and normalisations."""
+    kernels = [each for each in parameters if each.ndim > 1]
+    return kernels, [each for each in parameters if each.ndim <= 1]

@@ -1,0 +1,227 @@
+"""What a training run is told: one frozen dataclass for each table of its TOML file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final, Literal
+
+from ssiam.errors import ArgumentError
+from ssiam.networks.lite import BLOCKS
+from ssiam.training.opening import SourceSettings
+from ssiam.training.pair_settings import PairSettings
+
+__all__ = [
+    "HeldOut",
+    "LossSettings",
+    "NetworkSettings",
+    "OptimiserSettings",
+    "TeacherSettings",
+    "TrainSettings",
+    "ValidationSettings",
+]
+
+LEVELS: Final = 3  # of the backbone
+# These may differ when a run goes on; all others would make it another run.
+_FREE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """What is trained.
+
+    Attributes
+    ----------
+    blocks : int
+        Of the backbone, 9 to 11.
+    weights : str, optional
+        File of the backbone's ImageNet weights; None: that of the installed package.
+    frozen_steps : int
+        Steps in which only what follows the backbone learns.
+    trained_levels : int
+        Levels of the backbone that learn from then on, from the deepest: 0, 1 (stride 16) or 2
+        (strides 16 and 8). What is before them never learns, and runs in OpenVINO.
+    """
+
+    blocks: int = BLOCKS
+    weights: str | None = None
+    frozen_steps: int = 5000
+    trained_levels: int = 1
+
+    def __post_init__(self) -> None:
+        _check(0 <= self.trained_levels < LEVELS, "trained_levels", self.trained_levels, "0, 1, 2")
+        _check(self.frozen_steps >= 0, "frozen_steps", self.frozen_steps, "0 or more")
+
+    def frozen_levels(self, step: int) -> int:
+        """Levels of the backbone that do not learn in a step."""
+        return LEVELS if step < self.frozen_steps else LEVELS - self.trained_levels
+
+
+@dataclass(frozen=True)
+class OptimiserSettings:
+    """AdamW, and how its rate goes up and down.
+
+    Attributes
+    ----------
+    lr : float
+        Greatest learning rate.
+    backbone : float
+        Factor of the backbone's rate.
+    decay : float
+        Of the weights, for each unit of the rate; normalisations and biases have none.
+    warm_up : int
+        Steps in which the rate rises to `lr`.
+    final : float
+        Factor of the rate at the end of the cosine.
+    clip : float
+        Greatest norm of the gradient.
+    average : float
+        Weight of what was in the moving average of the weights, for one more step.
+    """
+
+    lr: float = 1e-3
+    backbone: float = 0.1
+    decay: float = 0.02
+    warm_up: int = 1000
+    final: float = 0.01
+    clip: float = 10.0
+    average: float = 0.9995
+
+    def __post_init__(self) -> None:
+        _check(self.lr > 0, "lr", self.lr, "more than 0")
+        _check(0 <= self.average < 1, "average", self.average, "0 to less than 1")
+
+
+@dataclass(frozen=True)
+class LossSettings:
+    """Which losses, and their weights; a weight of 0 leaves a loss out.
+
+    Attributes
+    ----------
+    kind_of_score : {"focal", "balanced"}
+        Focal loss, or cross-entropy in which cells on and off the target count alike.
+    kind_of_box : {"giou", "log_iou"}
+    score, box, quality, mask : float
+    """
+
+    kind_of_score: Literal["focal", "balanced"] = "focal"
+    kind_of_box: Literal["giou", "log_iou"] = "giou"
+    score: float = 1.0
+    box: float = 2.0
+    quality: float = 0.5
+    mask: float = 1.0
+
+
+@dataclass(frozen=True)
+class TeacherSettings:
+    """A trained NanoTrack v3 to learn from, also on pairs of weight 0.
+
+    Attributes
+    ----------
+    weights : str
+        Folder of its two ONNX files.
+    features, score, box : float
+        Weights of being unlike it: of the features at stride 16, of the scores, and of the boxes
+        where it sees the target.
+    """
+
+    weights: str
+    features: float = 1.0
+    score: float = 0.5
+    box: float = 0.5
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A dataset to be tracked for validation.
+
+    Attributes
+    ----------
+    path : str
+        As `ssiam.datasets.open_dataset` takes it.
+    kind, split : str, optional
+        Likewise.
+    only : tuple of str
+        Patterns of sequences that are taken; empty: all.
+    """
+
+    path: str
+    kind: str | None = None
+    split: str | None = None
+    only: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ValidationSettings:
+    """Tracking held-out sequences now and then.
+
+    Attributes
+    ----------
+    held_out : tuple of HeldOut
+    every : int
+        Steps between two validations; there is one at the end too.
+    frames : int
+        Of each sequence, at most.
+    """
+
+    held_out: tuple[HeldOut, ...] = ()
+    every: int = 5000
+    frames: int = 150
+
+    def __post_init__(self) -> None:
+        _check(self.every >= 1, "every", self.every, "1 or more")
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """A whole run.
+
+    Attributes
+    ----------
+    sources : tuple of SourceSettings
+        Where pairs come from.
+    steps : int
+    batch : int
+        Pairs of a step.
+    seed : int
+    workers : int
+        Processes that draw pairs.
+    threads : int
+        CPU threads of the training process; with 1, a run that is killed and goes on ends with
+        the same weights to the bit.
+    checkpoint_minutes : float
+        Between two checkpoints.
+    log_every : int
+        Steps between two rows of metrics.
+    pairs, network, optimiser, losses, teacher, validation
+        The tables of these names.
+    """
+
+    sources: tuple[SourceSettings, ...]
+    steps: int = 100_000
+    batch: int = 32
+    seed: int = 0
+    workers: int = 1
+    threads: int = 1
+    checkpoint_minutes: float = 5.0
+    log_every: int = 50
+    pairs: PairSettings = field(default_factory=PairSettings)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
+    losses: LossSettings = field(default_factory=LossSettings)
+    teacher: TeacherSettings | None = None
+    validation: ValidationSettings | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch", "threads", "log_every"):
+            _check(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
+        _check(self.workers >= 0, "workers", self.workers, "0 or more")
+
+    def identity(self) -> dict[str, Any]:
+        """What makes this run this run: the values by name, of plain types."""
+        values = asdict(self)
+        return {name: values[name] for name in values if name not in _FREE}
+
+
+def _check(holds: bool, name: str, value: float, wanted: str) -> None:
+    if not holds:
+        raise ArgumentError(f"{name} {value} of a training run: give {wanted}")

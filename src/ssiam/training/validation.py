@@ -1,0 +1,68 @@
+"""How well a network tracks: success on sequences that it has never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from functools import partial
+from itertools import islice
+
+import numpy as np
+
+from ssiam.datasets import Sequence, open_dataset
+from ssiam.evaluation.success import mean_success, success
+from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
+from ssiam.networks.lite import LiteNetwork
+from ssiam.runtime import Network
+from ssiam.stabilize import FrameView
+from ssiam.trackers.lite import LiteNetworks, LiteTracker
+from ssiam.training.settings import HeldOut, ValidationSettings
+
+__all__ = ["held_out_sequences", "validate"]
+
+
+def validate(network: LiteNetwork, settings: ValidationSettings) -> dict[str, float]:
+    """Success and precision of one pass over the held-out sequences, their means.
+
+    Every sequence is started on its first box and tracked for as many frames as the settings
+    say, without steadying.
+
+    Raises
+    ------
+    DatasetError
+        A dataset is missing or damaged.
+    """
+    tracker = LiteTracker(_networks(network))
+    found = []
+    for sequence in held_out_sequences(settings.held_out):
+        count = min(len(sequence), settings.frames, len(sequence.truth))
+        truth = np.array([sequence.box(t) for t in range(count)])
+        found.append(success(_tracked(tracker, sequence, count), truth))
+    mean = mean_success(found)
+    return {"success": mean.auc, "precision": mean.precision}
+
+
+def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
+    """The sequences of the datasets, of those that the patterns take."""
+    for each in held_out:
+        dataset = open_dataset(each.path, each.kind, split=each.split)
+        for name in dataset.sequences:
+            if not each.only or any(fnmatchcase(name, pattern) for pattern in each.only):
+                yield dataset.sequences[name]
+
+
+def _tracked(tracker: LiteTracker, sequence: Sequence, count: int) -> list[tuple[float, ...]]:
+    """The boxes of a sequence's first frames."""
+    frames = islice(sequence.images(), count)
+    tracker.init(FrameView(next(frames)), sequence.box(0))
+    return [sequence.box(0), *(tracker.track(FrameView(frame)).box for frame in frames)]
+
+
+def _networks(network: LiteNetwork) -> LiteNetworks:
+    """The pieces in PyTorch, without the mask, which success does not look at."""
+    graphs = inference_graphs(network, sliced=False)
+    runners: dict[str, Network] = {
+        piece: GraphRunner(graphs[piece].eval(), partial(PieceShapes, [], []))
+        for piece in ("template", "search")
+    }
+    return LiteNetworks(runners["template"], runners["search"])

@@ -1,0 +1,84 @@
+"""The small tracker's loop on networks that see a marker."""
+
+import cv2
+import numpy as np
+import pytest
+
+from ssiam import FrameView
+from ssiam.geometry import rigid
+from ssiam.trackers.lite import LiteNetworks, LiteTracker
+from ssiam.trackers.lite_mask import pasted
+from trackers.loops import BOX, LoopTests, moving, picture
+from trackers.stub_networks import Stub, marked
+
+
+def seeing_search():
+    """Search network whose cells know how far the marker's sides are; the first feature is it."""
+
+    def answer(t, crop, kernel):
+        score = np.full((1, 1, 32, 32), -8, np.float32)
+        quality = np.full((1, 1, 32, 32), 8, np.float32)
+        distances = np.full((1, 4, 32, 32), 8, np.float32)
+        seen = marked(crop[0])
+        rows, columns = np.nonzero(seen)
+        if len(rows):
+            at = (np.arange(32) - 15.5) * 8
+            y, x = np.meshgrid(at, at, indexing="ij")
+            left, right = columns.min() - 127.5, columns.max() - 126.5
+            top, bottom = rows.min() - 127.5, rows.max() - 126.5
+            distances[0] = x - left, y - top, right - x, bottom - y
+            apart = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2)
+            score[0, 0][apart < 12] = 8
+        fine = np.zeros((256, 256), np.float32)
+        fine[:255, :255] = seen
+        stride4 = fine.reshape(64, 4, 64, 4).mean(axis=(1, 3))[None, None]
+        return [score, quality, distances, stride4, stride4]
+
+    return Stub(answer)
+
+
+def networks(*, masked=False):
+    mask = Stub(lambda t, response, stride4: [(response - 0.5) * 16]) if masked else None
+    return LiteNetworks(Stub(lambda t, crop: [crop]), seeing_search(), mask)
+
+
+class TestLite(LoopTests):
+    def tracker(self):
+        return LiteTracker(networks())
+
+
+class TestLiteWithMask(LoopTests):
+    def tracker(self):
+        return LiteTracker(networks(masked=True))
+
+    @pytest.mark.parametrize("stab_from_raw", [np.eye(3), rigid(9, -6, 0.0), rigid(0, 0, 0.2)])
+    def test_mask_and_corners_are_the_markers(self, stab_from_raw):
+        frames, _ = moving(BOX)
+        tracker = self.tracker()
+        tracker.init(FrameView(frames[0]), BOX)
+        view = FrameView(frames[1], stab_from_raw, border=20)
+        track = tracker.track(view)
+        shown = cv2.warpPerspective(frames[1], stab_from_raw, view.size_wh)
+        truth = marked(shown.transpose(2, 0, 1).astype(np.float32))
+        assert (track.mask & truth).sum() / (track.mask | truth).sum() > 0.9
+        rows, columns = np.nonzero(truth)
+        middle = columns.mean(), rows.mean()
+        assert track.corners.mean(axis=0) == pytest.approx(middle, abs=1.0)
+
+    def test_without_a_mask_the_corners_are_the_box(self):
+        tracker, _ = self.started()
+        track = tracker.track(FrameView(np.full_like(picture(BOX), 90)))
+        assert not track.mask.any()
+        x, y, w, h = track.box
+        assert track.corners[[0, 2]] == pytest.approx(np.array([[x, y], [x + w, y + h]]))
+
+
+def test_a_mask_is_pasted_where_its_crop_was_cut():
+    """The four pixels of a cell, in a crop of the picture's own size."""
+    logits = np.full((1, 1, 64, 64), -20, np.float32)
+    logits[0, 0, 30, 40] = 20
+    mask = pasted(logits, (200.0, 180.0), 255, (400, 300)) > 0.5
+    rows, columns = np.nonzero(mask)
+    left, top = 72, 52  # of the crop: whole pixels, the nearest up to centre - 255 / 2
+    assert (rows.mean() - top, columns.mean() - left) == pytest.approx((121.5, 161.5), abs=0.5)
+    assert mask.sum() == pytest.approx(16, abs=8)

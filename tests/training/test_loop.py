@@ -1,0 +1,112 @@
+"""Whole runs on a toy set: they learn, they can be killed, and their network tracks."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnx")
+
+from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
+from ssiam.runtime import Running  # noqa: E402
+from ssiam.stabilize import FrameView  # noqa: E402
+from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
+from ssiam.training.settings import HeldOut, ValidationSettings  # noqa: E402
+from synthetic import golden_video  # noqa: E402
+from tiny import write_dataset  # noqa: E402
+from training import toy  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    return toy.backbone_file(tmp_path_factory.mktemp("weights"))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(weights, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    dataset = write_dataset(tmp_path_factory.mktemp("held-out"), sequences=2, frames=4)
+    validation = ValidationSettings((HeldOut(str(dataset), only=("clip0",)),), every=6, frames=3)
+    toy.run(folder, weights, validation=validation)
+    return folder
+
+
+def rows(folder):
+    with (folder / "metrics.csv").open() as file:
+        return [(int(row["step"]), row["name"]) for row in csv.DictReader(file)]
+
+
+def test_a_killed_run_goes_on_to_the_very_same_weights(weights, undisturbed, tmp_path):
+    tests = Path(__file__).parents[1]
+    environment = {**os.environ, "PYTHONPATH": str(tests)}
+    command = [sys.executable, toy.__file__, str(tmp_path), str(weights)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    while process.stdout.readline().strip() != "4":
+        assert process.poll() is None
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+    assert not (tmp_path / "weights.pth").exists()
+    toy.run(tmp_path, weights)
+    resumed, whole = (torch.load(each / "weights.pth") for each in (tmp_path, undisturbed))
+    assert resumed.keys() == whole.keys()
+    assert all(torch.equal(resumed[key], whole[key]) for key in whole)
+    told = rows(tmp_path)
+    assert len(told) == len(set(told))
+    assert {step for step, _ in told} == set(range(6))
+
+
+def test_metrics_and_validation_are_kept(undisturbed):
+    told = rows(undisturbed)
+    assert {name for _, name in told} >= {"score", "box", "quality", "mask", "success"}
+    assert [step for step, name in told if name == "success"] == [5]
+
+
+def test_the_network_that_is_left_tracks(undisturbed):
+    networks = LiteNetworks.load(undisturbed, Running())
+    tracker = LiteTracker(networks)
+    frames, box = golden_video("A", 3)
+    tracker.init(FrameView(frames[0]), box)
+    for frame in frames[1:]:
+        track = tracker.track(FrameView(frame))
+        assert track.mask.shape == frame.shape[:2]
+        assert track.corners.shape == (4, 2)
+        assert 0 <= track.score <= 1
+
+
+def test_a_finished_run_is_not_repeated(weights, undisturbed, capsys):
+    toy.run(undisturbed, weights)
+    assert capsys.readouterr().out == ""
+
+
+def test_losses_fall(weights):
+    from ssiam.training.trainer import Trainer
+
+    trainer = Trainer(toy.settings(weights, steps=30, batch=4))
+    losses = [float(sum(trainer.learn(toy.batch(step, 4)).values())) for step in range(30)]
+    assert sum(losses[-5:]) < 0.7 * sum(losses[:5])
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "complaint"),
+    [
+        pytest.param({"steps": 7}, ArgumentError, "steps is 6 there and 7 here", id="other"),
+        pytest.param({}, WeightsError, "checkpoint .* is damaged", id="damaged"),
+    ],
+)
+def test_a_folder_that_cannot_go_on(weights, undisturbed, tmp_path, changes, error, complaint):
+    content = (undisturbed / "checkpoint.pth").read_bytes()
+    (tmp_path / "checkpoint.pth").write_bytes(content if changes else content[: len(content) // 2])
+    with pytest.raises(error, match=complaint) as caught:
+        toy.run(tmp_path, weights, **changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_cannot_be_made(weights, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(SinkError, match="file/run cannot be made"):
+        toy.run(tmp_path / "file" / "run", weights)

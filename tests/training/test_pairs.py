@@ -1,0 +1,243 @@
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from sets_on_disk import BOX, OTHER, mask_of, write_davis
+
+from ssiam.datasets import DatasetError
+from ssiam.errors import ArgumentError, SourceError
+from ssiam.training import (
+    AugmentSettings,
+    PairSampler,
+    PairSettings,
+    SourceSettings,
+    TrackList,
+    WindowSettings,
+    load_batches,
+    open_training_source,
+)
+
+PLAIN = AugmentSettings(grey=0, flip=0, colour=0, blur=0, shake=0, jpeg=0, cover=0)
+STRAIGHT = WindowSettings(angle=0, stretch=0)
+
+
+@dataclass
+class Track:
+    """Frames in which nothing but the target is bright in its own channel."""
+
+    name: str = "one"
+    channel: int = 0
+    frames: int = 1
+    at: tuple = BOX
+    others: tuple = ()
+    hidden: tuple = ()
+    broken: bool = False
+
+    @property
+    def shows(self):
+        return (self.name,)
+
+    def image(self, t):
+        if self.broken:
+            raise SourceError(f"{self.name}.jpg: is not an image")
+        image = np.full((240, 320, 3), 20, np.uint8)
+        for channel, (x, y, w, h) in [(self.channel, self.at), *self.others]:
+            if channel != self.channel or t not in self.hidden:
+                image[y : y + h, x : x + w, channel] = 250
+        return image
+
+    def box(self, t):
+        return None if t in self.hidden else self.at
+
+    def mask(self, t):
+        return mask_of(self.at) > 0
+
+
+def sampler(*sources, seed=0, **settings):
+    settings = {"augment": PLAIN, "windows": STRAIGHT, "surroundings": 0, **settings}
+    return PairSampler(sources, PairSettings(**settings), seed)
+
+
+def box_of(plane):
+    rows, columns = np.nonzero(plane > 135)
+    left, right, top, bottom = columns.min(), columns.max(), rows.min(), rows.max()
+    centre = (left + right) / 2 - 127, (top + bottom) / 2 - 127
+    return np.array([*centre, right - left + 1, bottom - top + 1])
+
+
+def test_boxes_and_masks_lie_on_the_target():
+    batch = sampler(TrackList("a", [Track(at=(140, 100, 40, 30))]), negatives=0).batch(0, 40)
+    assert batch.present.all()
+    assert batch.masked.all()
+    for search, box, mask in zip(batch.search, batch.box, batch.mask, strict=True):
+        inside = np.abs(box[:2]) + box[2:] / 2 < 126
+        found = box_of(search[0])
+        np.testing.assert_allclose(found[:2][inside], box[:2][inside], atol=0.8)
+        np.testing.assert_allclose(found[2:][inside], box[2:][inside], atol=1.3)
+        bright = search[0, 2::4, 2::4] > 135
+        assert (bright == mask[: len(bright), : len(bright)]).mean() > 0.97
+
+
+def test_flips_turn_both_crops():
+    augment = AugmentSettings(grey=0, flip=1, colour=0, blur=0, shake=0, jpeg=0, cover=0)
+    rival = ((1, (88, 100, 8, 20)),)
+    track = Track(at=(100, 100, 30, 30), others=rival)
+    settings = {"augment": augment, "windows": WindowSettings(shift=30, far=0, angle=0)}
+    batch = sampler(TrackList("a", [track]), negatives=0, **settings).batch(0, 10)
+    for template in batch.template:
+        columns = np.nonzero(template[1] > 135)[1]
+        assert columns.mean() > 64
+    np.testing.assert_allclose(box_of(batch.search[0, 0])[:2], batch.box[0, :2], atol=0.8)
+
+
+def test_shapes_types_and_zooms():
+    batch = sampler(TrackList("a", [Track()]), negatives=0).batch(3, 5)
+    shapes = {name: (value.shape, value.dtype.name) for name, value in vars(batch).items()}
+    assert shapes == {
+        "template": ((5, 3, 127, 127), "uint8"),
+        "search": ((5, 3, 255, 255), "uint8"),
+        "box": ((5, 4), "float32"),
+        "present": ((5,), "bool"),
+        "mask": ((5, 64, 64), "uint8"),
+        "masked": ((5,), "bool"),
+        "weight": ((5,), "float32"),
+    }
+    for template in batch.template:
+        rows, columns = np.nonzero(template[0] > 135)
+        assert 45 < np.sqrt(np.ptp(rows) * np.ptp(columns)) < 85
+
+
+def test_targets_stay_in_reach_of_the_response_map():
+    wide = WindowSettings(shift=112, far=1.0)
+    shaken = AugmentSettings(shake=1)
+    source = TrackList("a", [Track()])
+    batch = sampler(source, windows=wide, augment=shaken, negatives=0).batch(0, 60)
+    assert np.abs(batch.box[:, :2]).max() <= 112.001
+    assert np.abs(batch.box[:, :2]).max() > 90
+
+
+class TestNegatives:
+    @pytest.mark.parametrize("surroundings", [0, 1])
+    def test_other_tracks_do_not_show_the_target(self, surroundings):
+        first = TrackList("a", [Track("one", 0), Track("two", 1, at=OTHER)])
+        settings = {"negatives": 1, "beside": 0, "away": 0, "surroundings": surroundings}
+        self.check(sampler(first, **settings))
+
+    def test_sets_of_look_alikes_take_them_elsewhere(self):
+        alike = TrackList("a", [Track("one", 0), Track("two", 0)], alike=True)
+        other = TrackList("b", [Track("three", 1)], alike=True)
+        self.check(sampler(alike, other, negatives=1, beside=0, away=0))
+
+    def test_rivals_and_other_places_do_not_show_it(self):
+        pair = [
+            Track("duo", 0, at=(10, 10, 20, 20), others=((1, (280, 200, 20, 20)),)),
+            Track("duo", 1, at=(280, 200, 20, 20), others=((0, (10, 10, 20, 20)),)),
+        ]
+        self.check(sampler(TrackList("a", pair), negatives=1, beside=1, away=0), least=0.3)
+        self.check(sampler(TrackList("a", pair), negatives=1, beside=0, away=1), least=0.3)
+
+    def test_a_lonely_target_has_none(self):
+        lonely = TrackList("a", [Track(at=(20, 20, 280, 200))])
+        assert sampler(lonely, negatives=1).batch(0, 5).present.all()
+
+    def test_there_are_as_many_as_asked_for(self):
+        source = TrackList("a", [Track("one"), Track("two")])
+        assert 0.06 < 1 - sampler(source).batch(0, 300).present.mean() < 0.19
+
+    def check(self, made, least=0.9):
+        batch = made.batch(1, 40)
+        assert 1 - batch.present.mean() >= least
+        assert not batch.mask[~batch.present].any()
+        assert batch.masked.all()
+        for template, search in zip(
+            batch.template[~batch.present], batch.search[~batch.present], strict=True
+        ):
+            channel = int(np.argmax(template[:, 54:73, 54:73].mean(axis=(1, 2))))
+            assert (search[channel] < 150).all()
+
+
+def test_hidden_frames_are_passed():
+    track = Track(frames=40, hidden=tuple(range(1, 40, 2)))
+    batch = sampler(TrackList("a", [track]), negatives=0).batch(0, 40)
+    assert (batch.search[:, 0] > 200).any(axis=(1, 2)).all()
+    with pytest.raises(DatasetError, match="show no target; all hidden"):
+        sampler(TrackList("a", [Track(frames=2, hidden=(0, 1))])).batch(0, 1)
+
+
+def test_frames_are_within_reach():
+    seen = []
+
+    class Told(Track):
+        def image(self, t):
+            seen.append(t)
+            return super().image(t)
+
+    made = sampler(TrackList("a", [Told(frames=1000)]), reach=7, negatives=0)
+    for place in range(20):
+        made.pair(0, place)
+    gaps = np.abs(np.diff(np.reshape(seen, (-1, 2)), axis=1))
+    assert 1 < gaps.max() <= 7
+
+
+def test_broken_pictures_are_told_once_and_passed(caplog):
+    source = TrackList("a", [Track("good"), Track("bad", broken=True)])
+    with caplog.at_level(logging.WARNING):
+        assert len(sampler(source).batch(0, 20)) == 20
+    assert caplog.text.count("bad.jpg: is not an image; left out") == 1
+    with pytest.raises(DatasetError, match=r"show no target; bad\.jpg: is not an image"):
+        sampler(TrackList("a", [Track("bad", broken=True)])).batch(0, 1)
+
+
+def test_weights_choose_the_source():
+    first, second = TrackList("a", [Track("one", 0)], 3.0), TrackList("b", [Track("two", 1)], 1.0)
+    batch = sampler(first, second, negatives=0).batch(0, 200)
+    from_first = (batch.search[:, 0] > 200).any(axis=(1, 2))
+    assert 0.65 < from_first.mean() < 0.85
+    with pytest.raises(ArgumentError, match="weight above 0"):
+        sampler(TrackList("a", [Track()], 0.0))
+
+
+def test_pairs_depend_on_seed_and_step_and_place_alone(tmp_path):
+    source = open_training_source(SourceSettings("davis", str(write_davis(tmp_path))))
+    made = PairSampler([source], seed=4)
+    late = made.batch(7, 4)
+    fresh = PairSampler([source], seed=4).batch(7, 6)
+    for name, value in vars(late).items():
+        np.testing.assert_array_equal(value, getattr(fresh, name)[:4], err_msg=name)
+    assert (PairSampler([source], seed=5).batch(7, 4).search != late.search).any()
+    assert (made.batch(8, 4).search != late.search).any()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_change_nothing(tmp_path, workers):
+    source = open_training_source(SourceSettings("davis", str(write_davis(tmp_path))))
+    made = PairSampler([source], seed=1)
+    alone = list(load_batches(made, range(3, 9), 3))
+    loaded = list(load_batches(made, range(3, 9), 3, workers=workers))
+    assert len(alone) == len(loaded) == 6
+    for one, other in zip(alone, loaded, strict=True):
+        for name, value in vars(one).items():
+            np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+def test_errors_of_workers_are_told(tmp_path):
+    source = open_training_source(
+        SourceSettings("davis", str(write_davis(tmp_path, hidden=(1, 2))))
+    )
+    (tmp_path / "JPEGImages/480p/bear/00000.jpg").write_bytes(b"<html>")
+    with pytest.raises(DatasetError, match=r"00000\.jpg: is not an image"):
+        list(load_batches(PairSampler([source]), range(2), 2, workers=1))
+
+
+def test_augmentations_leave_the_target_where_it_is():
+    everything = AugmentSettings(grey=0.5, colour=1, blur=1, shake=1, jpeg=1, cover=0)
+    source = TrackList("a", [Track(channel=1, at=(140, 100, 40, 40))])
+    batch = sampler(source, augment=everything, negatives=0).batch(0, 30)
+    for search, box in zip(batch.search, batch.box, strict=True):
+        if (np.abs(box[:2]) + box[2:] / 2 < 120).all():
+            bright = search.max(axis=0).astype(float) - np.median(search.max(axis=0))
+            rows, columns = np.indices(bright.shape) - 127
+            bright[bright < 40] = 0
+            centre = (columns * bright).sum() / bright.sum(), (rows * bright).sum() / bright.sum()
+            np.testing.assert_allclose(centre, box[:2], atol=2.5)

@@ -1,0 +1,56 @@
+"""Configs: what is read, and the one line that tells what is wrong."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+
+from ssiam.cli import main
+from ssiam.training.config import read_config
+
+SOURCE = '[[sources]]\nlayout = "davis"\npath = "x"\n'
+
+
+def test_the_config_of_the_repository():
+    settings = read_config(Path(__file__).parents[2] / "configs" / "lite.toml")
+    assert settings.sources[0].layout == "davis"
+    assert settings.teacher.weights == "weights/nanotrackv3"
+    assert settings.validation.held_out[0].kind is None
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        pytest.param("steps = ", "is no TOML", id="no TOML"),
+        pytest.param("", "sources is missing", id="no sources"),
+        pytest.param(f"stpes = 3\n{SOURCE}", "unknown key stpes; did you mean steps?", id="typo"),
+        pytest.param(
+            f"[pairs.augment]\nfilp = 1\n{SOURCE}",
+            "unknown key pairs.augment.filp; did you mean flip?",
+            id="typo within",
+        ),
+        pytest.param(f'steps = "3"\n{SOURCE}', "steps is '3': give a whole number", id="text"),
+        pytest.param(f"steps = true\n{SOURCE}", "steps is True: give a whole", id="flag"),
+        pytest.param(f"steps = 0\n{SOURCE}", "steps 0 of a training run", id="zero"),
+        pytest.param(f"losses = 3\n{SOURCE}", "losses is 3: give a table", id="no table"),
+        pytest.param("sources = 3\n", "sources is 3: give a list", id="no list"),
+        pytest.param(
+            f'[losses]\nkind_of_box = "iou"\n{SOURCE}', "choose from giou, log_iou", id="choice"
+        ),
+        pytest.param("[[sources]]\npath = 'x'\n", r"sources[0].layout is missing", id="layout"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path, capsys, text, complaint):
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    assert main(["train", str(path), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert complaint in told
+    assert "c.toml" in told
+    assert told.count("\n") == 1
+
+
+def test_a_config_that_is_not_there(tmp_path, capsys):
+    assert main(["train", str(tmp_path / "gone.toml")]) == 2
+    assert "gone.toml cannot be read" in capsys.readouterr().err

@@ -1,0 +1,64 @@
+"""A tiny training set of bright squares, and a run on it that can be started as a process."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ssiam.networks.efficientnet_lite import EfficientNetLite0
+from ssiam.training.batches import Batch
+from ssiam.training.loop import train
+from ssiam.training.settings import NetworkSettings, OptimiserSettings, TrainSettings
+from synthetic import generator
+
+SQUARE = 56  # px, in both crops
+
+
+def backbone_file(folder):
+    """Random weights in a file as the published one."""
+    torch.manual_seed(0)
+    path = folder / "backbone.pth"
+    torch.save(EfficientNetLite0().state_dict(), path)
+    return path
+
+
+def batch(step, size):
+    """Pairs of a square on noise; the last is a negative one, and not told its mask."""
+    r = generator(step)
+    template = r.integers(60, 120, (size, 3, 127, 127)).astype(np.uint8)
+    search = r.integers(60, 120, (size, 3, 255, 255)).astype(np.uint8)
+    template[:, 2, 63 - SQUARE // 2 : 63 + SQUARE // 2, 63 - SQUARE // 2 : 63 + SQUARE // 2] = 250
+    box = np.zeros((size, 4), np.float32)
+    mask = np.zeros((size, 64, 64), np.uint8)
+    present = np.arange(size) < max(size - 1, 1)
+    for i in np.flatnonzero(present):
+        dx, dy = r.integers(-15, 16, 2) * 4 + 1
+        x, y = 127 + dx - SQUARE // 2, 127 + dy - SQUARE // 2
+        search[i, 2, y : y + SQUARE, x : x + SQUARE] = 250
+        box[i] = dx, dy, SQUARE, SQUARE
+        mask[i, y // 4 : (y + SQUARE) // 4, x // 4 : (x + SQUARE) // 4] = 1
+    return Batch(template, search, box, present, mask, present.copy(), np.ones(size, np.float32))
+
+
+def settings(weights, **changes):
+    network = NetworkSettings(weights=str(weights), frozen_steps=3)
+    optimiser = OptimiserSettings(lr=2e-3, warm_up=2)
+    plain = {"steps": 6, "batch": 2, "log_every": 1, "checkpoint_minutes": 0.0, "sources": ()}
+    return TrainSettings(**{**plain, "network": network, "optimiser": optimiser, **changes})
+
+
+def run(folder, weights, **changes):
+    chosen = settings(weights, **changes)
+
+    def batches(steps):
+        return (batch(step, chosen.batch) for step in steps)
+
+    def report(step, values):
+        print(step, flush=True)
+
+    train(chosen, batches, folder, report)
+
+
+if __name__ == "__main__":
+    run(Path(sys.argv[1]), Path(sys.argv[2]))
