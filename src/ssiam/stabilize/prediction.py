@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import IDENTITY, XYWH, Transform, map_points, rigid
+from ssiam.geometry import IDENTITY, XYWH, Transform, map_point, rigid
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
 
@@ -77,11 +77,11 @@ class Prediction:
         self._reliable = motion.reliable
         self._places = self._predicted(motion)
         chosen = self._choice()
-        turn = self.stab_from_raw[:2, :2]
+        angle = _angle(self.stab_from_raw)
         if self._config.turn and chosen in _TURNING:
-            turn = turn @ np.linalg.inv(motion.cur_from_prev[:2, :2])
+            angle -= _angle(motion.cur_from_prev)
         if chosen != Hypothesis.STILL or self.stab_from_raw is not IDENTITY:
-            self.stab_from_raw = self._shown(turn, self._places[chosen])
+            self.stab_from_raw = self._shown(angle, self._places[chosen])
         (x, y), (w, h) = self._places[chosen].tolist(), self._size_wh
         return x - w / 2, y - h / 2, w, h
 
@@ -105,7 +105,7 @@ class Prediction:
     def _predicted(self, motion: Motion) -> Point:
         """Where each hypothesis (4, 2) expects the target, raw-frame pixels."""
         still = self._centre
-        fixed = map_points(motion.cur_from_prev, still[None])[0]
+        fixed = np.array(map_point(motion.cur_from_prev, *still.tolist()))
         in_picture, in_scene = self._speeds if self._config.speed else np.zeros((2, 2))
         return np.array([still, still + in_picture, fixed, fixed + in_scene])
 
@@ -116,23 +116,27 @@ class Prediction:
         better = self._errors[best] + self._config.margin < self._errors[Hypothesis.STILL]
         return best if better else Hypothesis.STILL
 
-    def _shown(self, linear: NDArray[np.float64], place: Point) -> Transform:
+    def _shown(self, angle: float, place: Point) -> Transform:
         """The view, turned, in which the raw-frame `place` lies where the target was seen.
 
         Less a little, so that it does not wander off: whole pictures show no more than the raw
         frame's own place.
         """
-        seen = map_points(self.stab_from_raw, self._centre[None])[0]
-        step = _HOME_STEP * self._size
-        seen += np.clip(_HOME * (place - seen), -step, step)
-        angle = math.atan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1]) * (1 - _HOME)
-        away = np.abs(seen - place).max() / self._size
-        if max(away, abs(angle)) < _AT_HOME:
+        (x, y), step = place.tolist(), _HOME_STEP * self._size
+        seen_x, seen_y = map_point(self.stab_from_raw, *self._centre.tolist())
+        dx, dy = (away - max(-step, min(_HOME * away, step)) for away in (seen_x - x, seen_y - y))
+        angle = math.remainder(angle, math.tau) * (1 - _HOME)
+        if max(abs(dx) / self._size, abs(dy) / self._size, abs(angle)) < _AT_HOME:
             return IDENTITY
-        dx, dy = seen - place
-        return rigid(dx, dy, angle, place.tolist())
+        return rigid(dx, dy, angle, (x, y))
 
 
 def _centre(xywh: XYWH) -> Point:
     x, y, w, h = xywh
     return np.array([x + w / 2, y + h / 2])
+
+
+def _angle(to_from_from: Transform) -> float:
+    """How far a transform turns, radians clockwise on screen."""
+    (a, b, _), (c, d, _), _ = to_from_from.tolist()
+    return math.atan2(c - b, a + d)
