@@ -46,7 +46,7 @@ def draw(runs: Runs, path: Path) -> None:
         axes.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("lost targets per 1000 frames")
-    _head(figure, grid.flat[0])
+    _head(figure, grid.flat)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(png(figure))
 
@@ -96,11 +96,13 @@ def _gain(axes: Any, settings: dict[str, Any], strongest: float) -> None:
     axes.annotate(text, middle, (4, 0), size=SMALL, weight="bold", color=BLUE, **place)
 
 
-def _head(figure: Any, axes: Any) -> None:
-    """The title, and below it the legend."""
-    handles, labels = axes.get_legend_handles_labels()
+def _head(figure: Any, panels: Any) -> None:
+    """The title, and below it the legend of the lines of any panel."""
+    drawn = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
+    lines = {label: handle for pairs in drawn for handle, label in pairs}
+    labels = [label for label, _ in _LINES.values() if label in lines]
     figure.legend(
-        handles,
+        [lines[label] for label in labels],
         labels,
         loc="outside upper center",
         ncols=len(labels),
