@@ -14,7 +14,29 @@ from ssiam.training.sources import Mask
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class _Video:
+    """The pictures of a track, one for each frame."""
+
+    folder: Path
+    paths: tuple[Path, ...]
+
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """The folder."""
+        return (str(self.folder),)
+
+    @property
+    def frames(self) -> int:
+        """Number of pictures."""
+        return len(self.paths)
+
+    def image(self, t: int) -> Image:
+        """The picture of a frame."""
+        return picture(self.paths[t])
+
+
+@dataclass(frozen=True, eq=False)
+class Clip(_Video):
     """A track with a box in every picture that shows the target.
 
     Attributes
@@ -27,23 +49,7 @@ class Clip:
         For every picture; None where the target is hidden.
     """
 
-    folder: Path
-    paths: tuple[Path, ...]
     boxes: tuple[XYWH | None, ...]
-
-    @property
-    def shows(self) -> tuple[str, ...]:
-        """The folder."""
-        return (str(self.folder),)
-
-    @property
-    def frames(self) -> int:
-        """Number of pictures."""
-        return len(self.paths)
-
-    def image(self, t: int) -> Image:
-        """The picture of a frame."""
-        return picture(self.paths[t])
 
     def box(self, t: int) -> XYWH | None:
         """The box of a frame."""
@@ -55,7 +61,7 @@ class Clip:
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledClip:
+class LabelledClip(_Video):
     """A track of which every picture has a picture of labels.
 
     Attributes
@@ -68,24 +74,8 @@ class LabelledClip:
         That of the object, as `ssiam.training.pictures.label_picture` tells it.
     """
 
-    folder: Path
-    paths: tuple[Path, ...]
     labels: tuple[Path, ...]
     label: int
-
-    @property
-    def shows(self) -> tuple[str, ...]:
-        """The folder."""
-        return (str(self.folder),)
-
-    @property
-    def frames(self) -> int:
-        """Number of pictures."""
-        return len(self.paths)
-
-    def image(self, t: int) -> Image:
-        """The picture of a frame."""
-        return picture(self.paths[t])
 
     def box(self, t: int) -> XYWH | None:
         """The box around the pixels of that label; None where there are none."""

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import XYWH, Image
-from ssiam.training.pictures import picture, size_of
+from ssiam.training.pictures import size_of
+from ssiam.training.stills import OnePicture
 
 _TAKEN = 32  # regions of every picture
 _CANDIDATES = 8
@@ -33,7 +34,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Region:
+class Region(OnePicture):
     """A track of one frame: the part with the most texture among some at random.
 
     Attributes
@@ -44,22 +45,7 @@ class Region:
         Another seed is another part of it.
     """
 
-    path: Path
     seed: int
-
-    @property
-    def frames(self) -> int:
-        """One."""
-        return 1
-
-    @property
-    def shows(self) -> tuple[str, ...]:
-        """The picture's path."""
-        return (str(self.path),)
-
-    def image(self, t: int) -> Image:
-        """The picture."""
-        return picture(self.path)
 
     def box(self, t: int) -> XYWH | None:
         """The part; None if there is none with texture."""

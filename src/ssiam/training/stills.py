@@ -1,4 +1,4 @@
-"""`Still`: an object in a single picture."""
+"""`OnePicture`, and `Still`: an object in a single picture."""
 
 from __future__ import annotations
 
@@ -12,24 +12,10 @@ from ssiam.training.sources import Mask
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Still:
-    """A track of one frame.
-
-    Attributes
-    ----------
-    path : Path
-        The picture.
-    xywh : (float, float, float, float), optional
-        Box of the object, pixels; None: that of its outline.
-    outline : Outline, optional
-    as_shares : bool
-        `xywh` is the centre's x and y, width and height as shares of the picture's.
-    """
+class OnePicture:
+    """A track of one frame."""
 
     path: Path
-    xywh: XYWH | None = None
-    outline: Outline | None = None
-    as_shares: bool = False
 
     @property
     def frames(self) -> int:
@@ -44,6 +30,26 @@ class Still:
     def image(self, t: int) -> Image:
         """The picture."""
         return picture(self.path)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Still(OnePicture):
+    """A track of one frame.
+
+    Attributes
+    ----------
+    path : Path
+        The picture.
+    xywh : (float, float, float, float), optional
+        Box of the object, pixels; None: that of its outline.
+    outline : Outline, optional
+    as_shares : bool
+        `xywh` is the centre's x and y, width and height as shares of the picture's.
+    """
+
+    xywh: XYWH | None = None
+    outline: Outline | None = None
+    as_shares: bool = False
 
     def box(self, t: int) -> XYWH | None:
         """The object's box; None if its outline is empty."""
