@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from ssiam.errors import MissingExtraError
+
 
 def train(config: Path, /, *, out: Path | None = None) -> None:
     """Train the small tracker.
@@ -20,6 +22,12 @@ def train(config: Path, /, *, out: Path | None = None) -> None:
     out
         Folder of checkpoint, metrics and network; by default runs/NAME, after the config.
     """
+    try:
+        import ssiam.networks  # noqa: F401
+    except MissingExtraError as error:
+        raise MissingExtraError(
+            "PyTorch is not installed, which training needs: pip install 'ssiam[train]'"
+        ) from error
     from ssiam.training.config import read_config
     from ssiam.training.loading import load_batches
     from ssiam.training.loop import train as run
