@@ -144,7 +144,7 @@ class Template:
     Attributes
     ----------
     values : (samples, cells) float32
-        Grey levels.
+        Grey levels, less their cell's mean.
     gradients : (2, samples, cells) float32
         Along x and y, eight times the grey levels per pixel.
     products : (3, cells) float32

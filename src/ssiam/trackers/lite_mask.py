@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.runtime import Tensor
+from ssiam.trackers.mask_paste import laid
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -51,10 +51,7 @@ def pasted(
     probability = np.asarray((1 + np.tanh(logits[0, 0] / 2)) / 2, dtype=np.float32)
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
     # Pixel p of the crop shows corner + (p + 0.5) * zoom - 0.5.
-    shifts = crop_corner(centre_xy, crop_side) + _STRIDE / 2 * zoom - 0.5 + margin
+    shifts = crop_corner(centre_xy, crop_side) + _STRIDE / 2 * zoom - 0.5
     scale = _STRIDE * zoom
     picture_from_mask = np.array([[scale, 0.0, shifts[0]], [0.0, scale, shifts[1]]])
-    width, height = size_wh
-    whole = (width + 2 * margin, height + 2 * margin)
-    drawn = cv2.warpAffine(probability, picture_from_mask, whole, flags=cv2.INTER_LINEAR)
-    return np.asarray(drawn, dtype=np.float32)
+    return laid(probability, picture_from_mask, size_wh, margin)
