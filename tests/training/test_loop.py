@@ -16,7 +16,7 @@ from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
-from ssiam.training.settings import HeldOut, ValidationSettings  # noqa: E402
+from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
 from synthetic import golden_video  # noqa: E402
 from tiny import write_dataset  # noqa: E402
 from training import toy  # noqa: E402

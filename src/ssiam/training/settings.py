@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal
 
-from ssiam.errors import ArgumentError
 from ssiam.networks.lite import BLOCKS
 from ssiam.training.opening import SourceSettings
 from ssiam.training.pair_settings import PairSettings
+from ssiam.training.validation_settings import ValidationSettings, require
 
 __all__ = [
-    "HeldOut",
     "LossSettings",
     "NetworkSettings",
     "OptimiserSettings",
     "TeacherSettings",
     "TrainSettings",
-    "ValidationSettings",
 ]
 
 LEVELS: Final = 3  # of the backbone
@@ -48,8 +46,8 @@ class NetworkSettings:
     trained_levels: int = 1
 
     def __post_init__(self) -> None:
-        _check(0 <= self.trained_levels < LEVELS, "trained_levels", self.trained_levels, "0, 1, 2")
-        _check(self.frozen_steps >= 0, "frozen_steps", self.frozen_steps, "0 or more")
+        require(0 <= self.trained_levels < LEVELS, "trained_levels", self.trained_levels, "0, 1, 2")
+        require(self.frozen_steps >= 0, "frozen_steps", self.frozen_steps, "0 or more")
 
     def frozen_levels(self, step: int) -> int:
         """Levels of the backbone that do not learn in a step."""
@@ -87,8 +85,8 @@ class OptimiserSettings:
     average: float = 0.9995
 
     def __post_init__(self) -> None:
-        _check(self.lr > 0, "lr", self.lr, "more than 0")
-        _check(0 <= self.average < 1, "average", self.average, "0 to less than 1")
+        require(self.lr > 0, "lr", self.lr, "more than 0")
+        require(0 <= self.average < 1, "average", self.average, "0 to less than 1")
 
 
 @dataclass(frozen=True)
@@ -128,47 +126,6 @@ class TeacherSettings:
     features: float = 1.0
     score: float = 0.5
     box: float = 0.5
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """A dataset to be tracked for validation.
-
-    Attributes
-    ----------
-    path : str
-        As `ssiam.datasets.open_dataset` takes it.
-    kind, split : str, optional
-        Likewise.
-    only : tuple of str
-        Patterns of sequences that are taken; empty: all.
-    """
-
-    path: str
-    kind: str | None = None
-    split: str | None = None
-    only: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class ValidationSettings:
-    """Tracking held-out sequences now and then.
-
-    Attributes
-    ----------
-    held_out : tuple of HeldOut
-    every : int
-        Steps between two validations; there is one at the end too.
-    frames : int
-        Of each sequence, at most.
-    """
-
-    held_out: tuple[HeldOut, ...] = ()
-    every: int = 5000
-    frames: int = 150
-
-    def __post_init__(self) -> None:
-        _check(self.every >= 1, "every", self.every, "1 or more")
 
 
 @dataclass(frozen=True)
@@ -213,15 +170,10 @@ class TrainSettings:
 
     def __post_init__(self) -> None:
         for name in ("steps", "batch", "threads", "log_every"):
-            _check(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
-        _check(self.workers >= 0, "workers", self.workers, "0 or more")
+            require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
+        require(self.workers >= 0, "workers", self.workers, "0 or more")
 
     def identity(self) -> dict[str, Any]:
         """What makes this run this run: the values by name, of plain types."""
         values = asdict(self)
         return {name: values[name] for name in values if name not in _FREE}
-
-
-def _check(holds: bool, name: str, value: float, wanted: str) -> None:
-    if not holds:
-        raise ArgumentError(f"{name} {value} of a training run: give {wanted}")

@@ -16,7 +16,7 @@ from ssiam.networks.lite import LiteNetwork
 from ssiam.runtime import Network
 from ssiam.stabilize import FrameView
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
-from ssiam.training.settings import HeldOut, ValidationSettings
+from ssiam.training.validation_settings import HeldOut, ValidationSettings
 
 __all__ = ["held_out_sequences", "validate"]
 
