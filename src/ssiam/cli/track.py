@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
-import cv2
 from cyclopts import Group, Parameter
 
+from ssiam.cli.choice import RUNNING, STEADYING, TARGET, TrackerChoice
 from ssiam.cli.outputs import Outputs
 from ssiam.cli.report import Progress, Report
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
-from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import DEFAULT_TRACKER, Track, TrackerGroup, TrackerName, load_tracker
+from ssiam.trackers import Track, TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 
+_CHOICE = TrackerChoice()
 _STEADY = StabilizerConfig()
 
-_TARGET = Group("Target", sort_key=1)
 _OUTPUT = Group("Output", sort_key=2)
-_STEADYING = Group("Steadying", sort_key=3)
-_RUNNING = Group("Running", sort_key=4)
 
 
 def track(
@@ -35,21 +31,16 @@ def track(
     *,
     box: Annotated[
         list[str],
-        Parameter(group=_TARGET, negative=(), allow_leading_hyphen=True),
+        Parameter(group=TARGET, negative=(), allow_leading_hyphen=True),
     ],
-    tracker: Annotated[TrackerName, Parameter(group=_TARGET)] = DEFAULT_TRACKER,
-    weights: Annotated[Path | None, Parameter(group=_TARGET)] = None,
     out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     results: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     layout: Annotated[str | None, Parameter(group=_OUTPUT)] = None,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
-    raw: Annotated[str | None, Parameter(group=_RUNNING)] = None,
-    runtime: Annotated[RuntimeName, Parameter(group=_RUNNING)] = "openvino",
-    threads: Annotated[int, Parameter(group=_RUNNING)] = min(2, os.cpu_count() or 1),
-    precision: Annotated[Precision, Parameter(group=_RUNNING)] = "f32",
-    device: Annotated[DeviceName | None, Parameter(group=_RUNNING)] = None,
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=_STEADYING)] = _STEADY,
+    raw: Annotated[str | None, Parameter(group=RUNNING)] = None,
+    choice: TrackerChoice = _CHOICE,
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
 ) -> None:
     """Follow targets through a video from a moving camera.
 
@@ -64,10 +55,6 @@ def track(
     box
         Target in the first frame: x,y,width,height in pixels, x and y its top left corner.
         Give it again for each further target.
-    tracker
-        The tracker that runs on the steadied view.
-    weights
-        File or folder of the tracker's networks, for trackers that have any.
     out
         Video to write: .mp4 (H.264), .mkv or .avi.
     results
@@ -80,32 +67,12 @@ def track(
         Show the steadied view beside the raw frame in the video.
     raw
         Size, layout and rate of headerless frames: 640x360,bgr24,30.
-    runtime
-        What runs the networks.
-    threads
-        CPU threads. From 2 on, a file's next camera motion is estimated while the tracker runs.
-    precision
-        Of the networks' arithmetic: bf16 is faster on CPUs that have it, int8 needs files that
-        were exported so.
-    device
-        Where the networks run; the CPU unless given. onnxruntime has cuda, tensorrt and coreml,
-        torch cuda and mps.
     """
-    cv2.setNumThreads(threads)
     boxes = [_box(text) for text in box]
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
         first = next(frames)
-        steadied = load_tracker(
-            tracker,
-            weights=weights,
-            stabilize=config,
-            runtime=runtime,
-            threads=threads,
-            precision=precision,
-            device=device,
-        )
-        group = TrackerGroup(steadied)
+        group = TrackerGroup(choice.load(config))
         group.init(first.image, boxes)
         if out is None and results is None and plot is None:
             out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
@@ -119,10 +86,10 @@ def track(
             config=config,
             targets=len(boxes),
         )
-        report = Report(frames.name, tracker, config.stabilize, len(boxes))
+        report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
         stack.callback(report.show, outputs.written)
         stack.enter_context(outputs)
-        _follow(group, first, frames, boxes, outputs, report, threads)
+        _follow(group, first, frames, boxes, outputs, report, choice.threads)
 
 
 def _follow(

@@ -29,25 +29,26 @@ class Pursuit:
     Parameters
     ----------
     tracker : ViewTracker
+        Knows its target, and where it is.
     config : StabilizerConfig
-    frame : (H, W, 3) uint8 BGR
     xywh : (x, y, w, h)
-        The target in it, raw-frame pixels.
+        There, raw-frame pixels.
+    watch : Watch
+        Whether it is lost.
     """
 
     def __init__(
-        self, tracker: ViewTracker, config: StabilizerConfig, frame: Image, xywh: XYWH
+        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, watch: Watch
     ) -> None:
         self._tracker, self._config = tracker, config
         self._prediction = Prediction(config, xywh)
-        self._watch = Watch()
+        self._watch = watch
         self._place = xywh  # where the target was last likely, carried along with the scene
         self._held = xywh  # the same, as it was when the scene was last cut
         self._whereabouts = Whereabouts(xywh)
         self._trail = xywh  # the tracker's own guess, carried along with the scene
         self._seen_again = False
         self._astray = False  # whether the tracker was left elsewhere than its last box
-        tracker.init(FrameView(frame, border=config.border), xywh)
 
     def expect(self, motion: Motion | None) -> XYWH:
         """Take the motion to the next frame; where the target will be in it, raw-frame pixels."""

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, check_box, check_frame
 from ssiam.motion import CameraMotion, Motion, MotionAhead
-from ssiam.stabilize import StabilizerConfig
+from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.pursuit import Pursuit
 from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
+from ssiam.trackers.watch import Watch
 
 
 class SteadiedTracker:
@@ -62,12 +63,32 @@ class SteadiedTracker:
             The frame is not an image, or the box is empty, not finite or outside of it.
         """
         self._size_wh = check_frame(frame)
-        self._box = check_box(box, self._size_wh)
-        make = Pursuit if self._config.stabilize == "predict" else Steadying
-        self._follower = make(self._tracker, self._config, frame, self._box)
-        self._camera = self.camera()
-        if self._camera is not None:
-            self._follower.expect(self._camera.update(frame))
+        self._box = self._seen = check_box(box, self._size_wh)
+        self._watch = Watch()
+        self._tracker.init(self._unsteadied(frame), self._box)
+        self._begin(frame)
+
+    def switch(self, config: StabilizerConfig, frame: Image) -> None:
+        """Steady by `config` from now on, and keep the target.
+
+        Its template is kept too, where the tracker can be told where to look.
+
+        Parameters
+        ----------
+        config : StabilizerConfig
+        frame : (H, W, 3) uint8 BGR
+            The one that was given last.
+        """
+        self._config = config
+        if self._box is None:
+            return
+        view = self._unsteadied(frame)
+        if self._tracker.doubt is None:
+            self._tracker.init(view, self._seen)
+        else:
+            self._tracker.seek(view, self._seen)
+        self._box = self._seen
+        self._begin(frame)
 
     def update(
         self, frame: Image, motion: Motion | None = None, following: Image | None = None
@@ -112,5 +133,19 @@ class SteadiedTracker:
         """The second half of an update: where the target is."""
         check_frame(frame, self._size_wh)
         track = self._follower.look(frame)
+        self._seen = track.box
         self._box = self._expected or track.box
         return track
+
+    def _begin(self, frame: Image) -> None:
+        """Follow the target, with which the tracker begins in `frame`."""
+        make = Pursuit if self._config.stabilize == "predict" else Steadying
+        self._follower = make(self._tracker, self._config, self._seen, self._watch)
+        self._camera = self.camera()
+        if self._camera is not None:
+            self._follower.expect(self._camera.update(frame))
+
+    def _unsteadied(self, frame: Image) -> FrameView:
+        return FrameView(
+            frame, border=0 if self._config.stabilize == "off" else self._config.border
+        )

@@ -18,20 +18,21 @@ class Steadying:
     Parameters
     ----------
     tracker : ViewTracker
+        Knows its target, and where it is.
     config : StabilizerConfig
-    frame : (H, W, 3) uint8 BGR
     xywh : (x, y, w, h)
-        The target in it, raw-frame pixels.
+        There, raw-frame pixels; the tracker alone goes on from it.
+    watch : Watch
+        Whether it is lost.
     """
 
     def __init__(
-        self, tracker: ViewTracker, config: StabilizerConfig, frame: Image, xywh: XYWH
+        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, watch: Watch
     ) -> None:
         self._tracker = tracker
         self._stabilizer = Stabilizer(config)
         self._border = 0 if config.stabilize == "off" else config.border
-        self._watch = Watch()
-        tracker.init(FrameView(frame, border=self._border), xywh)
+        self._watch = watch
 
     def expect(self, motion: Motion | None) -> XYWH | None:
         """Take the motion to the next frame; where the target will be is not known."""

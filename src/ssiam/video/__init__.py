@@ -1,6 +1,6 @@
 """Where frames come from and where results go: sources, sinks, drawing."""
 
-from ssiam.video.drawing import draw_tracks
+from ssiam.video.drawing import COLORS, draw_tracks
 from ssiam.video.frames import Frame, Source
 from ssiam.video.lookahead import with_following
 from ssiam.video.panels import side_by_side
@@ -10,6 +10,7 @@ from ssiam.video.sinks import VideoSink
 from ssiam.video.sources import RawFormat, open_source
 
 __all__ = [
+    "COLORS",
     "Frame",
     "PathPlot",
     "RawFormat",

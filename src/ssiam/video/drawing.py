@@ -13,7 +13,7 @@ from ssiam.trackers import Track
 from ssiam.video.lettering import BLACK, WHITE, Color, Lettering
 
 # BGR; the hues of Okabe and Ito, which the colour-blind can tell apart, in bright versions.
-_COLORS: tuple[Color, ...] = (
+COLORS: tuple[Color, ...] = (
     (60, 230, 90),
     (30, 160, 255),
     (255, 190, 60),
@@ -28,7 +28,13 @@ _FAR = 1e5
 _SHIFT = 4
 
 
-def draw_tracks(image: Image, tracks: Sequence[Track], *, fps: float | None = None) -> Image:
+def draw_tracks(
+    image: Image,
+    tracks: Sequence[Track],
+    *,
+    fps: float | None = None,
+    numbers: Sequence[int] | None = None,
+) -> Image:
     """A copy of the frame with every target drawn into it.
 
     A target gets its box, its rotated box and mask if it has them, and its score. A lost one
@@ -43,17 +49,20 @@ def draw_tracks(image: Image, tracks: Sequence[Track], *, fps: float | None = No
         In raw-frame pixels, in the order of the targets.
     fps : float or None
         Frames a second, written in the upper right corner.
+    numbers : sequence of int, optional
+        The targets' own, from 1, where they come and go.
     """
     canvas = image.copy()
     lettering = Lettering.for_image(canvas)
     lost = []
-    for index, track in enumerate(tracks):
-        number = f"{index + 1} " if len(tracks) > 1 else ""
+    is_numbered = numbers is not None or len(tracks) > 1
+    for number, track in zip(numbers or range(1, len(tracks) + 1), tracks, strict=True):
+        called = f"{number} " if is_numbered else ""
         if track.lost:
-            lost.append(f"{number}LOST")
+            lost.append(f"{called}LOST")
         else:
-            label = f"{number}{track.score:.2f}"
-            _draw_target(canvas, track, label, _COLORS[index % len(_COLORS)], lettering)
+            label = f"{called}{track.score:.2f}"
+            _draw_target(canvas, track, label, COLORS[(number - 1) % len(COLORS)], lettering)
     for line, text in enumerate(reversed(lost)):
         lettering.write(canvas, text, _lower_left(canvas, lettering, line), _LOST_COLOR)
     if fps is not None:

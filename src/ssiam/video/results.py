@@ -88,12 +88,20 @@ class ResultSink:
         if len(tracks) != self._targets:
             raise ValueError(f"{len(tracks)} tracks for {self._targets} targets")
         for number, track in enumerate(tracks):
-            line = self._layout.line(Row(frame_index, time, number + 1, track))
             if self._is_first and self._layout.initial is not None:
-                line = self._layout.initial
-            if line is not None:
-                self._files[number if self._layout.one_target else 0].write_line(line)
+                self._file(number + 1).write_line(self._layout.initial)
+            else:
+                self.write_row(Row(frame_index, time, number + 1, track))
         self._is_first = False
+
+    def write_row(self, row: Row) -> None:
+        """Write one target of one frame, where targets come and go."""
+        line = self._layout.line(row)
+        if line is not None:
+            self._file(row.target).write_line(line)
+
+    def _file(self, target: int) -> _LineFile:
+        return self._files[target - 1 if self._layout.one_target else 0]
 
     def close(self) -> None:
         """Close the files. May be called twice."""
