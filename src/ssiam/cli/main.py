@@ -28,6 +28,8 @@ app = App(
     result_action="return_value",
 )
 app.command("ssiam.cli.track:track", name="track")
+app.command("ssiam.cli.live:live", name="live")
+app.command("ssiam.cli.export:export", name="export")
 app.command("ssiam.cli.bench:bench", name="bench")
 app.command("ssiam.cli.eval:evaluate", name="eval")
 app.command("ssiam.cli.tables:tables", name="tables")

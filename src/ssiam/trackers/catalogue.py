@@ -10,15 +10,16 @@ from ssiam.errors import ArgumentError, WeightsError, check_choice
 from ssiam.runtime import DeviceName, Precision, Running, RuntimeName
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.lite import SHIPPED, LiteName, LiteNetworks, LiteTracker
 from ssiam.trackers.loading import SiameseName, needed_weights, siamese_tracker
 from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack
 from ssiam.trackers.nanotrack_networks import NanoTrackName, NanoTrackNetworks
 from ssiam.trackers.opencv import OpenCvName, OpenCvTracker
 from ssiam.trackers.steadied import SteadiedTracker
 
-TrackerName: TypeAlias = Literal[OpenCvName, NanoTrackName, SiameseName]
+TrackerName: TypeAlias = Literal[LiteName, OpenCvName, NanoTrackName, SiameseName]
 TRACKERS: tuple[TrackerName, ...] = get_args(TrackerName)
-DEFAULT_TRACKER: TrackerName = "csrt"
+DEFAULT_TRACKER: TrackerName = "lite"
 
 
 def load_tracker(
@@ -39,7 +40,8 @@ def load_tracker(
         One of `TRACKERS`; None is the default tracker, which needs no weights.
     weights : path, optional
         File or folder of the networks, for trackers that have any: the authors' .pth file, or
-        .onnx files. None takes those that `ssiam weights import` has stored.
+        .onnx files. None takes those that came with the package (lite), or that
+        `ssiam weights import` has stored.
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" is the tracker alone.
     runtime : {"openvino", "onnxruntime", "torch"}
@@ -84,6 +86,8 @@ def _view_tracker(name: TrackerName, weights: Path | None, running: Running) -> 
         if running.precision != "f32" or running.where != "cpu":
             raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
         return OpenCvTracker(name)
+    if name == "lite":
+        return LiteTracker(LiteNetworks.load(weights or SHIPPED, running))
     found = needed_weights(name, weights)
     if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
         networks = NanoTrackNetworks.load(name, found, running)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
@@ -31,6 +32,9 @@ from ssiam.trackers.siamese import (
     state_at,
 )
 from ssiam.trackers.track import Track
+
+LiteName: TypeAlias = Literal["lite"]
+SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"
 
 SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
@@ -60,10 +64,19 @@ class LiteNetworks:
     def load(cls, weights: Path, running: Running) -> LiteNetworks:
         """The networks of a folder that `ssiam train` has written.
 
-        Raises `WeightsError` when they are missing, damaged or of another network.
+        Raises
+        ------
+        WeightsError
+            They are missing, damaged or of another network.
+        ArgumentError
+            They cannot run so.
         """
         from ssiam.runtime.pieces import load_pieces
 
+        if running.runtime == "torch":
+            raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
+        if running.precision == "int8":
+            raise ArgumentError("tracker lite has no int8 weights: leave precision out")
         pieces = load_pieces(weights, "lite", running)
         return cls(pieces["template"], pieces["search"], pieces.get("mask"))
 

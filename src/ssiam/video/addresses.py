@@ -27,15 +27,18 @@ def public_name(address: str) -> str:
     return f"{scheme}://{(host + slash + path).rpartition('@')[2]}"
 
 
-def open_address(address: str) -> Source:
-    """`Source` of a network address; RTSP goes over TCP, which loses no packets."""
+def open_address(address: str, *, silence: float = _READ_TIMEOUT) -> Source:
+    """`Source` of a network address; RTSP goes over TCP, which loses no packets.
+
+    After `silence` seconds in which the server sent nothing it counts as gone.
+    """
     options = {"rtsp_transport": "tcp"} if address.lower().startswith("rtsp") else {}
     return open_container(
         Input(
             name=public_name(address),
             file=address,
             options=options,
-            timeout=(_OPEN_TIMEOUT, _READ_TIMEOUT),
+            timeout=(_OPEN_TIMEOUT, silence),
             advice="check the address and that the server is up",
         )
     )

@@ -1,0 +1,87 @@
+"""`ssiam live`: a page in the browser on which targets are drawn and followed."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Group, Parameter
+
+from ssiam.cli.choice import STEADYING, TrackerChoice
+from ssiam.stabilize import StabilizerConfig
+from ssiam.web import Note, Session
+
+_CHOICE = TrackerChoice()
+_STEADY = StabilizerConfig()
+
+_PAGE = Group("Page", sort_key=2)
+_MACHINES = Group("Other programs", sort_key=3)
+
+
+def live(
+    source: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    /,
+    *,
+    host: Annotated[str, Parameter(group=_PAGE)] = "127.0.0.1",
+    port: Annotated[int, Parameter(group=_PAGE)] = 8765,
+    token: Annotated[bool, Parameter(group=_PAGE, negative=())] = False,
+    pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE)] = "clock",
+    recordings: Annotated[Path | None, Parameter(group=_PAGE)] = None,
+    mavlink: Annotated[str | None, Parameter(group=_MACHINES)] = None,
+    rerun: Annotated[Path | None, Parameter(group=_MACHINES)] = None,
+    choice: TrackerChoice = _CHOICE,
+    config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
+) -> None:
+    """Show a source in the browser; targets are drawn with the mouse and followed.
+
+    Only this machine can open the page, unless --host says otherwise; then the address that is
+    printed holds a token, without which nothing is shown.
+
+    Parameters
+    ----------
+    source
+        Camera number, rtsp:// or http:// address, video file, folder of images, - for standard
+        input, or browser: the camera of whoever opens the page.
+    host
+        Address to listen on; 0.0.0.0 is all of this machine's.
+    port
+        To listen on; 0 takes a free one.
+    token
+        Ask for a token on this machine too.
+    pace
+        Of a file: by its clock, or as fast as it can be tracked.
+    recordings
+        Folder that keeps what is recorded; without it recordings are gone at the end.
+    mavlink
+        Be a camera that tracks for a ground station: udpout:127.0.0.1:14550, or what else MAVLink
+        can connect to.
+    rerun
+        File to log everything to for the Rerun viewer: .rrd.
+    """
+    from ssiam.web.serving import LiveServer
+
+    tracker = choice.load(config)
+    with ExitStack() as stack:
+        session = Session.open(
+            source, tracker, name=choice.tracker, pace=pace, recordings=recordings
+        )
+        stack.callback(session.close)
+        session.notes(_show)
+        server = LiveServer(session, host, port, needs_token=token)
+        session.start()
+        if mavlink is not None:
+            from ssiam.web.mavlink import MavlinkCamera
+
+            stack.enter_context(MavlinkCamera(session, mavlink))
+        if rerun is not None:
+            from ssiam.web.rerun_tap import RerunTap
+
+            stack.enter_context(RerunTap(session, rerun))
+        print(f"{session.info.source}: {server.address} (Ctrl-C ends)", flush=True)
+        server.run()
+
+
+def _show(note: Note) -> None:
+    print(f"ssiam: {note.message}", file=sys.stderr, flush=True)

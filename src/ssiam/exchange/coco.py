@@ -1,0 +1,74 @@
+"""COCO: one JSON of images, annotations and categories, as pycocotools reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ssiam.exchange.annotations import Annotation, Annotations, Corners
+from ssiam.exchange.boxes import rounded
+from ssiam.exchange.files import replaced
+from ssiam.geometry import xywh_from_corners
+
+_SCORE_DECIMALS = 4
+
+
+def write_coco(annotations: Annotations, path: Path, video: str) -> None:
+    """Write an image a frame, and an annotation a target that is seen; errors as `write_exports`.
+
+    Ids count from 1; the images are called ``frame_000000.jpg`` and so on, from 0. Rotated boxes
+    are the polygon of `segmentation`, with the upright box around it; others have none.
+    """
+    tracks = annotations.tracks()
+    names = {target: annotations.name(target) for target in tracks}
+    categories = {name: number for number, name in enumerate(dict.fromkeys(names.values()), 1)}
+    seen = [row for rows in tracks.values() for row in rows if row.seen]
+    seen.sort(key=lambda row: (row.frame, row.target))
+    content = {
+        "info": {"description": f"{video}, tracked by ssiam", "version": "1.0"},
+        "licenses": [],
+        "images": [_image(annotations, frame) for frame in range(annotations.frame_count)],
+        "annotations": [
+            _annotation(number, row, categories[names[row.target]])
+            for number, row in enumerate(seen, start=1)
+        ],
+        "categories": [
+            {"id": number, "name": name, "supercategory": ""} for name, number in categories.items()
+        ],
+    }
+    with replaced(path, "w") as file:
+        json.dump(content, file, allow_nan=False)
+
+
+def _image(annotations: Annotations, frame: int) -> dict[str, Any]:
+    width, height = annotations.size_wh
+    name = f"frame_{frame:06d}.jpg"
+    return {"id": frame + 1, "file_name": name, "width": width, "height": height}
+
+
+def _annotation(number: int, row: Annotation, category: int) -> dict[str, Any]:
+    if row.corners is None:
+        box, polygons, area = row.xywh, [], row.xywh[2] * row.xywh[3]
+    else:
+        box, area = xywh_from_corners(row.corners), _area(row.corners)
+        polygons = [rounded(value for point in row.corners for value in point)]
+    score = round(row.score, _SCORE_DECIMALS)
+    return {
+        "id": number,
+        "image_id": row.frame + 1,
+        "category_id": category,
+        "bbox": rounded(box),
+        "area": round(area, 3),
+        "iscrowd": 0,
+        "segmentation": polygons,
+        "track_id": row.target,
+        "attributes": {"score": score, "track_id": row.target},
+    }
+
+
+def _area(corners: Corners) -> float:
+    """Area of a polygon, by the shoelace formula."""
+    following = (*corners[1:], corners[0])
+    pairs = zip(corners, following, strict=True)
+    return abs(sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in pairs)) / 2

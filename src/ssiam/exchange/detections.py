@@ -1,0 +1,85 @@
+"""`to_detections`: tracks as the detections of Roboflow's supervision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ssiam.errors import ArgumentError, MissingExtraError
+from ssiam.geometry import Points, corners_from_xywh
+from ssiam.trackers import Track
+
+if TYPE_CHECKING:
+    import supervision
+
+# What supervision's annotators of oriented boxes look for.
+_ORIENTED = "xyxyxyxy"
+
+
+def to_detections(
+    tracks: Sequence[Track], ids: Sequence[int] | None = None
+) -> supervision.Detections:
+    """The tracks that are not lost, for supervision's annotators, zones and counters.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Of one frame.
+    ids : sequence of int, optional
+        Number of each target; 1, 2, ... unless given.
+
+    Returns
+    -------
+    supervision.Detections
+        N detections in raw-frame pixels: `xyxy` (N, 4) float32, `confidence` (N,) float32,
+        `tracker_id` (N,) int, ``data["corners"]`` (N, 4, 2) float32; with a tracker of masks also
+        `mask` (N, H, W) bool, and with rotated boxes ``data["xyxyxyxy"]``, which is supervision's
+        name for them. There is no `class_id`: colours go by ``ColorLookup.TRACK``.
+
+    Raises
+    ------
+    MissingExtraError
+        supervision is not installed.
+    ArgumentError
+        `ids` are not as many as `tracks`.
+    """
+    try:
+        import supervision
+    except ImportError as error:
+        raise MissingExtraError(
+            f"detections need supervision ({error}): pip install supervision"
+        ) from error
+    return supervision.Detections(**detection_fields(tracks, ids))
+
+
+def detection_fields(tracks: Sequence[Track], ids: Sequence[int] | None = None) -> dict[str, Any]:
+    """The arrays that `to_detections` hands to supervision, by the names of its fields."""
+    if ids is not None and len(ids) != len(tracks):
+        raise ArgumentError(f"{len(ids)} ids for {len(tracks)} tracks: give one each")
+    numbers = range(1, len(tracks) + 1) if ids is None else ids
+    shown = {n: track for n, track in zip(numbers, tracks, strict=True) if _has_box(track)}
+    known = shown.values()
+    boxes = np.array([track.box for track in known], dtype=np.float32).reshape(-1, 4)
+    corners = np.array([_corners(track) for track in known], dtype=np.float32).reshape(-1, 4, 2)
+    masks = [track.mask for track in known if track.mask is not None]
+    data = {"corners": corners}
+    if any(track.corners is not None for track in known):
+        data[_ORIENTED] = corners
+    return {
+        "xyxy": np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]),
+        "mask": np.stack(masks) if masks and len(masks) == len(known) else None,
+        "confidence": np.array([track.score for track in known], dtype=np.float32),
+        "tracker_id": np.array(list(shown), dtype=np.int64),
+        "data": data,
+    }
+
+
+def _has_box(track: Track) -> bool:
+    """Whether there is a box to show."""
+    return not track.lost and bool(np.isfinite(track.box).all())
+
+
+def _corners(track: Track) -> Points:
+    return corners_from_xywh(track.box) if track.corners is None else track.corners

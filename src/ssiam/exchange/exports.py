@@ -1,0 +1,53 @@
+"""`write_exports`: annotations in the formats of annotation tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+from ssiam.errors import check_choice
+from ssiam.exchange.annotations import Annotations
+from ssiam.exchange.coco import write_coco
+from ssiam.exchange.cvat import write_cvat
+from ssiam.exchange.got10k import write_got10k
+from ssiam.exchange.labelstudio import write_labelstudio
+
+ExportKind: TypeAlias = Literal["cvat", "coco", "labelstudio", "got10k"]
+
+EXPORT_KINDS: Final[tuple[ExportKind, ...]] = ("cvat", "coco", "labelstudio", "got10k")
+
+_WRITERS: Final[dict[ExportKind, Callable[[Annotations, Path, str], None]]] = {
+    "cvat": write_cvat,
+    "coco": write_coco,
+    "labelstudio": write_labelstudio,
+    "got10k": write_got10k,
+}
+
+
+def write_exports(
+    annotations: Annotations, path: str | Path, kind: ExportKind, video: str = "video.mp4"
+) -> None:
+    """Write `annotations` to the file `path`, which is replaced if it exists.
+
+    The same annotations give the same bytes.
+
+    Parameters
+    ----------
+    annotations : Annotations
+    path : str or Path
+        Its folder must exist.
+    kind : {"cvat", "coco", "labelstudio", "got10k"}
+        XML of "CVAT for video 1.1", JSON of COCO, JSON of Label Studio's tasks, or a zip with
+        a folder a target as GOT-10k has them. docs/exchange.md tells what they hold.
+    video : str
+        The video's name or address, for formats that tell it.
+
+    Raises
+    ------
+    SinkError
+        The file cannot be written.
+    ArgumentError
+        An unknown kind.
+    """
+    _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)](annotations, Path(path), video)

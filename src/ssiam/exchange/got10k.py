@@ -1,0 +1,98 @@
+"""GOT-10k: a zip with a folder a target, in it the labels that its toolkit reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from ssiam.exchange.annotations import Annotation, Annotations
+from ssiam.exchange.files import replaced
+
+_LIST: Final = "list.txt"
+_LONGEST_NAME: Final = 60  # characters, up to four bytes each; file systems take 255 bytes
+_NOT_IN_NAMES: Final = re.compile(r"[^\w.-]+")
+# Steps of cover.label: from hidden to wholly visible.
+_HIDDEN, _VISIBLE = 0, 8
+_NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
+
+
+def write_got10k(annotations: Annotations, path: Path, video: str) -> None:
+    """Write the zip; errors as `write_exports`.
+
+    Every file has a line a frame of the video, 0-based pixels as GOT-10k's toolkit takes them.
+    Where a target is not seen its box is ``0,0,0,0`` and absence.label is 1. Of rotated boxes
+    the upright one is written. What meta_info.ini cannot know is "none".
+    """
+    tracks = annotations.tracks()
+    folders = list(_folders([annotations.name(target) for target in tracks]))
+    with replaced(path, "wb") as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
+        _add(archive, _LIST, folders)
+        for folder, (target, rows) in zip(folders, tracks.items(), strict=True):
+            for name, lines in _files(annotations, annotations.name(target), rows, video):
+                _add(archive, f"{folder}/{name}", lines)
+
+
+def _folders(names: Sequence[str]) -> Iterator[str]:
+    """Names that every file system takes, each once."""
+    taken = {_LIST}
+    for name in names:
+        plain = _NOT_IN_NAMES.sub("_", name)[:_LONGEST_NAME].strip("._") or "target"
+        folder, number = plain, 1
+        while folder.casefold() in taken:
+            number += 1
+            folder = f"{plain}_{number}"
+        taken.add(folder.casefold())
+        yield folder
+
+
+def _files(
+    annotations: Annotations, name: str, rows: Sequence[Annotation], video: str
+) -> Iterator[tuple[str, list[str]]]:
+    seen = {row.frame: row.xywh for row in rows if row.seen}
+    frames = range(annotations.frame_count)
+    yield "groundtruth.txt", [_line(seen.get(frame, _NO_BOX)) for frame in frames]
+    yield "absence.label", [str(int(frame not in seen)) for frame in frames]
+    yield "cover.label", [str(_VISIBLE if frame in seen else _HIDDEN) for frame in frames]
+    cut = {frame for frame, xywh in seen.items() if _is_cut(xywh, annotations.size_wh)}
+    yield "cut_by_image.label", [str(int(frame in cut)) for frame in frames]
+    yield "meta_info.ini", _meta(annotations, name, video)
+
+
+def _line(xywh: Sequence[float]) -> str:
+    return ",".join(f"{value:.4f}" for value in xywh)
+
+
+def _is_cut(xywh: Sequence[float], size_wh: tuple[int, int]) -> bool:
+    x, y, w, h = xywh
+    return x < 0 or y < 0 or x + w > size_wh[0] or y + h > size_wh[1]
+
+
+def _meta(annotations: Annotations, name: str, video: str) -> list[str]:
+    """Lines in the order of GOT-10k's own files: some readers count them."""
+    width, height = annotations.size_wh
+    values = {
+        "url": video,
+        "begin": _clock(0),
+        "end": _clock(float(annotations.frame_count / annotations.fps)),
+        "anno_fps": f"{float(annotations.fps):g}Hz",
+        "object_class": name,
+        **dict.fromkeys(("motion_class", "major_class", "root_class", "motion_adverb"), "none"),
+        "resolution": f"({width}, {height})",
+    }
+    return ["[METAINFO]", *(f"{key}: {value}" for key, value in values.items())]
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60:02d}:{minutes % 60:02d}:{rest:02d}"
+
+
+def _add(archive: ZipFile, name: str, lines: Sequence[str]) -> None:
+    # A fixed date: the same annotations give the same bytes.
+    entry = ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+    entry.compress_type = ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    archive.writestr(entry, "".join(f"{line}\n" for line in lines))

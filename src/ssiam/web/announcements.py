@@ -1,0 +1,139 @@
+"""What the server sends (docs/live-protocol.md), as text and bytes."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any, Final
+
+from ssiam.errors import SsiamError
+from ssiam.geometry import frame_centre, rigid_parameters
+from ssiam.motion import Motion
+from ssiam.web.errors import CommandError, Note
+from ssiam.web.info import SessionInfo, SessionLimits
+from ssiam.web.limits import ServerLimits
+from ssiam.web.messages import METHODS
+from ssiam.web.step import Step, Target
+
+PROTOCOL: Final = 1
+
+_DIGITS: Final = 4  # behind the point: of pixels, scores and seconds
+_FINE_DIGITS: Final = 8  # of angles and of transforms, that pixels are multiplied by
+
+
+def hello(info: SessionInfo, session: SessionLimits, server: ServerLimits) -> str:
+    """The first message to a client."""
+    return _text(
+        type="hello",
+        protocol=PROTOCOL,
+        ssiam=version("ssiam"),
+        source=info.source,
+        size=info.size_wh,
+        fps=None if info.fps is None else _rounded(info.fps),
+        length=info.length,
+        tracker=info.tracker,
+        methods=METHODS,
+        seekable=info.seekable,
+        webcam=info.webcam,
+        limits={
+            "targets": session.targets,
+            "message": server.message_bytes,
+            "picture": server.picture_bytes,
+        },
+    )
+
+
+def done(ask: int, answer: Any) -> str:
+    """The answer to a command."""
+    return _text(type="done", ask=ask, answer=answer)
+
+
+def refusal(ask: int | None, error: SsiamError) -> str:
+    """Why a command was not carried out."""
+    code = error.code if isinstance(error, CommandError) else "not-possible"
+    return _text(type="error", ask=ask, code=code, message=str(error))
+
+
+def note(note: Note) -> str:
+    """A message for people."""
+    return _text(type="note", level=note.level, message=note.message)
+
+
+def recordings(listing: list[dict[str, Any]]) -> str:
+    """The list of recordings."""
+    return _text(type="recordings", recordings=listing)
+
+
+def step_message(
+    step: Step, pictures: Sequence[tuple[str, bytes]], *, skipped: int, clients: int
+) -> bytes:
+    """A step as a binary message: length of the header, header, JPEG pictures.
+
+    Parameters
+    ----------
+    step : Step
+    pictures : sequence of (view, JPEG)
+    skipped : int
+        Steps that this client was not sent.
+    clients : int
+        That watch the session.
+    """
+    header = _text(
+        type="step",
+        number=step.number,
+        index=step.frame.index,
+        time=None if step.frame.time is None else _rounded(step.frame.time),
+        stabilize=step.stabilize,
+        pictures=[{"view": view, "bytes": len(jpeg)} for view, jpeg in pictures],
+        targets=[_target(target) for target in step.targets],
+        motion=None if step.motion is None else _motion(step.motion),
+        stab_from_raw=[[_rounded(v, _FINE_DIGITS) for v in row] for row in step.stab_from_raw[:2]],
+        latency=_rounded(step.done - step.arrived),
+        fps=_rounded(step.fps),
+        dropped=step.dropped,
+        skipped=skipped,
+        clients=clients,
+        playing=step.playing,
+        recording=step.recording,
+    ).encode()
+    return b"".join([struct.pack(">I", len(header)), header, *(jpeg for _, jpeg in pictures)])
+
+
+def _target(target: Target) -> dict[str, Any]:
+    track = target.track
+    corners = None
+    if track.corners is not None:
+        corners = [[_rounded(v) for v in corner] for corner in track.corners]
+    return {
+        "id": target.id,
+        "name": target.name,
+        "colour": target.colour,
+        "box": [_rounded(v) for v in track.box],
+        "corners": corners,
+        "score": _rounded(track.score),
+        "lost": bool(track.lost),
+        "found": target.found,
+    }
+
+
+def _motion(motion: Motion) -> dict[str, Any]:
+    dx, dy, angle = rigid_parameters(motion.cur_from_prev, frame_centre(motion.size_wh))
+    return {
+        "dx": _rounded(dx),
+        "dy": _rounded(dy),
+        "angle": _rounded(angle, _FINE_DIGITS),
+        "inliers": _rounded(motion.inliers),
+        "reliable": bool(motion.reliable),
+    }
+
+
+def _rounded(value: float, digits: int = _DIGITS) -> float:
+    """The value as JSON has it: browsers read no NaN."""
+    return round(float(value), digits) if math.isfinite(value) else 0.0
+
+
+def _text(**fields: Any) -> str:
+    return json.dumps(fields, separators=(",", ":"), allow_nan=False)

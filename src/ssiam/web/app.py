@@ -1,0 +1,108 @@
+"""`create_app`: the live page, the session's socket and its recordings as an ASGI application."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.resources import files
+from typing import Final
+
+from ssiam.errors import MissingExtraError
+
+try:
+    import starlette  # noqa: F401
+except ModuleNotFoundError as error:
+    if error.name != "starlette":
+        raise
+    raise MissingExtraError(
+        "the package starlette is not installed, which the live page needs: "
+        "pip install 'ssiam[web]'"
+    ) from error
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+
+from ssiam.web.clients import Clients
+from ssiam.web.guard import Access, Guard
+from ssiam.web.limits import ServerLimits
+from ssiam.web.session import Session
+
+_PAGE_TYPES: Final = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+}
+_INDEX: Final = "index.html"
+
+
+def create_app(session: Session, access: Access, limits: ServerLimits | None = None) -> Starlette:
+    """The application; ``app.state.clients`` are its `Clients`.
+
+    Parameters
+    ----------
+    session : Session
+        Started, and closed, by the caller.
+    access : Access
+        Who is let in.
+    limits : ServerLimits, optional
+    """
+    clients = Clients(session, limits or ServerLimits())
+    page = _read_page()
+
+    async def show_page(request: Request) -> Response:
+        name = request.path_params.get("name", _INDEX)
+        if name not in page:
+            raise HTTPException(404)
+        content, media_type = page[name]
+        return Response(content, media_type=media_type)
+
+    async def send_recording(request: Request) -> Response:
+        name, file = request.path_params["name"], request.path_params["file"]
+        try:
+            path = session.recordings.path(name, file)
+        except KeyError:
+            raise HTTPException(404) from None
+        return FileResponse(path, filename=f"{name}-{file}")
+
+    async def tell_health(request: Request) -> Response:
+        newest = session.newest
+        number = None if newest is None else newest.number
+        return JSONResponse({"status": "ok", "clients": len(clients), "step": number})
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        clients.open()
+        yield
+        clients.close()
+
+    readable = frozenset({"/", *(f"/page/{name}" for name in page)})
+    app = Starlette(
+        routes=[
+            Route("/", show_page),
+            Route("/page/{name}", show_page),
+            Route("/recordings/{name}/{file}", send_recording),
+            Route("/health", tell_health),
+            WebSocketRoute("/session", clients.serve),
+        ],
+        middleware=[Middleware(Guard, access=access, is_open=readable.__contains__)],
+        lifespan=lifespan,
+    )
+    app.router.redirect_slashes = False
+    app.state.clients = clients
+    return app
+
+
+def _read_page() -> dict[str, tuple[bytes, str]]:
+    """The page's files by their names: content and type. No other file is ever looked for."""
+    page = {}
+    for file in files("ssiam.web").joinpath("page").iterdir():
+        _, dot, kind = file.name.rpartition(".")
+        media_type = _PAGE_TYPES.get(dot + kind)
+        if media_type is not None:
+            page[file.name] = file.read_bytes(), media_type
+    return page

@@ -1,0 +1,116 @@
+"""`StepPictures`: the pictures of a step as JPEG, each made once for all who want it."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from functools import cached_property
+from typing import Final, Literal, TypeAlias
+
+import cv2
+import numpy as np
+
+from ssiam.errors import ArgumentError
+from ssiam.geometry import Image
+from ssiam.stabilize import FrameView
+from ssiam.web.messages import View
+from ssiam.web.step import Step
+
+ViewName: TypeAlias = Literal["raw", "steadied"]
+
+# Markers of JPEG files without a length, and those of frames, which hold width and height.
+_ALONE: Final = frozenset({0x01, *range(0xD0, 0xD8)})
+_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+class StepPictures:
+    """A step and its pictures; to be used on one event loop, the work is done by `pool`.
+
+    Parameters
+    ----------
+    step : Step
+    pool : Executor
+        Of threads.
+    """
+
+    def __init__(self, step: Step, pool: Executor) -> None:
+        self.step = step
+        self._pool = pool
+        self._made: dict[tuple[ViewName, int, int], asyncio.Future[bytes]] = {}
+
+    async def wanted(self, view: View) -> list[tuple[ViewName, bytes]]:
+        """The pictures that a client wants to see, in the protocol's order."""
+        return [(name, await self._jpeg(name, view)) for name in _names(view)]
+
+    async def _jpeg(self, name: ViewName, view: View) -> bytes:
+        width = min(view.width, self.step.frame.image.shape[1])
+        key = name, width, view.quality
+        if key not in self._made:
+            loop = asyncio.get_running_loop()
+            self._made[key] = loop.run_in_executor(self._pool, self._encode, *key)
+        # Others wait for it too: a client that leaves does not take it along.
+        return await asyncio.shield(self._made[key])
+
+    def _encode(self, name: ViewName, width: int, quality: int) -> bytes:
+        image = self.step.frame.image if name == "raw" else self._steadied
+        return encode_jpeg(image, width, quality)
+
+    @cached_property
+    def _steadied(self) -> Image:
+        return FrameView(self.step.frame.image, self.step.stab_from_raw).render()
+
+
+def _names(view: View) -> Iterator[ViewName]:
+    if view.raw:
+        yield "raw"
+    if view.steadied:
+        yield "steadied"
+
+
+def encode_jpeg(image: Image, width: int, quality: int) -> bytes:
+    """An image (H, W, 3) uint8 BGR as JPEG, made smaller if it is wider than `width` pixels."""
+    height_now, width_now = image.shape[:2]
+    if width < width_now:
+        size_wh = width, max(1, round(height_now * width / width_now))
+        image = np.asarray(cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return jpeg.tobytes()
+
+
+def decode_jpeg(jpeg: bytes, most_pixels: int) -> Image:
+    """A browser's picture as (H, W, 3) uint8 BGR.
+
+    Raises
+    ------
+    ArgumentError
+        It is no JPEG, is damaged, or has more pixels than `most_pixels`.
+    """
+    width, height = _size_wh(jpeg)
+    # A file of a few bytes may claim to be of gigabytes.
+    if not 0 < width * height <= most_pixels:
+        raise ArgumentError(
+            f"a picture of {width}x{height} pixels cannot be used: send one of 1 to {most_pixels}"
+        )
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ArgumentError("the picture is damaged: send a whole JPEG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _size_wh(jpeg: bytes) -> tuple[int, int]:
+    """Width and height that the header of a JPEG file claims."""
+    at = 2
+    while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
+        marker = jpeg[at + 1]
+        if marker in _FRAMES:
+            height, width = struct.unpack_from(">HH", jpeg, at + 5)
+            return width, height
+        if marker == 0xFF:
+            at += 1
+        elif marker in _ALONE:
+            at += 2
+        else:
+            at += 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
+    raise ArgumentError("this is no JPEG picture: send one that begins with its header")

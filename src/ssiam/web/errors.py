@@ -1,0 +1,35 @@
+"""What a live session tells people: commands that failed, and notes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ssiam.errors import SsiamError
+
+Code: TypeAlias = Literal[
+    "bad-message", "bad-box", "no-such-target", "too-many-targets", "too-old", "not-possible"
+]
+Level: TypeAlias = Literal["info", "warning", "error"]
+
+
+class CommandError(SsiamError):
+    """A command that a live session cannot carry out.
+
+    Attributes
+    ----------
+    code : str
+        For programs, as docs/live-protocol.md lists them; the text is for people.
+    """
+
+    def __init__(self, code: Code, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Note:
+    """One line for the people who watch a session; never holds a password."""
+
+    level: Level
+    message: str

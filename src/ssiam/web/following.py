@@ -1,0 +1,178 @@
+"""`Following`: frames and commands in, steps out; the work of a live session."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from ssiam.geometry import IDENTITY
+from ssiam.stabilize import Stabilizer, StabilizerConfig
+from ssiam.video import Frame
+from ssiam.web import commands
+from ssiam.web.commands import Command
+from ssiam.web.errors import CommandError, Note
+from ssiam.web.feed import Arrival, Feed
+from ssiam.web.past import Past
+from ssiam.web.recording import Recordings
+from ssiam.web.step import Playing, Step
+from ssiam.web.targets import Targets
+
+_RATE_STEPS: Final = 30  # over which the rate is taken
+
+
+class Following:
+    """Follows targets on what a feed delivers; not to be shared between threads.
+
+    Parameters
+    ----------
+    feed : Feed
+    targets : Targets
+    recordings : Recordings
+    note : callable
+        Told what people should know.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        targets: Targets,
+        recordings: Recordings,
+        note: Callable[[Note], None],
+    ) -> None:
+        self._feed, self._targets, self._recordings, self._note = feed, targets, recordings, note
+        self._past = Past()
+        self._done: deque[float] = deque(maxlen=_RATE_STEPS)
+        self._paused = False
+        self._size_wh: tuple[int, int] | None = None
+        self.newest: Step | None = None
+
+    @property
+    def playing(self) -> Playing:
+        """What the source is doing."""
+        if self._feed.state == "playing" and self._paused:
+            return "paused"
+        return self._feed.state
+
+    def see(self, arrival: Arrival) -> Step:
+        """The step that a frame makes."""
+        frame = arrival.frame
+        if self._is_afresh(frame):
+            self._begin(frame)
+        else:
+            self._targets.update(frame)
+        motion = self._targets.motion
+        stab_from_raw = IDENTITY if motion is None else self._stabilizer.update(motion)
+        done = time.monotonic()
+        self._done.append(done)
+        step = Step(
+            number=1 if self.newest is None else self.newest.number + 1,
+            frame=frame,
+            targets=self._targets.seen(),
+            motion=motion,
+            stab_from_raw=stab_from_raw,
+            stabilize=self._targets.config.stabilize,
+            arrived=arrival.arrived,
+            done=done,
+            fps=self._rate(),
+            dropped=self._feed.dropped,
+            playing=self.playing,
+            recording=self._recordings.current,
+        )
+        self._recordings.write(step)
+        return self._kept(step)
+
+    def again(self) -> Step | None:
+        """The newest step as things are now, on the frame that it had."""
+        if self.newest is None:
+            return None
+        step = replace(
+            self.newest,
+            number=self.newest.number + 1,
+            targets=self._targets.seen(),
+            stabilize=self._targets.config.stabilize,
+            playing=self.playing,
+            recording=self._recordings.current,
+        )
+        return self._kept(step)
+
+    def carry_out(self, command: Command) -> Any:
+        """Do what is asked for; the answer to it.
+
+        Raises
+        ------
+        SsiamError
+            It cannot be done.
+        """
+        match command:
+            case commands.Add(xywh, number, name):
+                frames = [step.frame for step in self._past.since(number)]
+                return self._targets.add(frames, xywh, name)
+            case commands.Hold(number):
+                self._past.hold(number)
+            case commands.Remove(id):
+                self._targets.remove(id)
+            case commands.Rename(id, name):
+                self._targets.rename(id, name)
+            case commands.Steady(method):
+                self._steady(StabilizerConfig(method))
+            case commands.Pause(paused):
+                self._pause(paused)
+            case commands.Advance():
+                self._pause(True)
+                self._feed.advance()
+            case commands.Restart():
+                self._restart()
+            case commands.Record(recording):
+                return self._record(recording)
+        return None
+
+    def _steady(self, config: StabilizerConfig) -> None:
+        if self.newest is None:
+            raise CommandError("not-possible", "no frame has come yet: ask again when one has")
+        self._targets.steady(config, self.newest.frame)
+        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+
+    def _pause(self, paused: bool) -> None:
+        self._paused = paused
+        self._feed.pause(paused)
+
+    def _restart(self) -> None:
+        if not self._feed.seekable:
+            raise CommandError("not-possible", f"{self._feed.name} cannot be started again")
+        self._feed.restart()
+        self._size_wh = None
+        self._past.forget()
+
+    def _record(self, recording: bool) -> str:
+        if recording and self.newest is None:
+            raise CommandError("not-possible", "no frame has come yet: ask again when one has")
+        rate = self._feed.fps or self._rate()
+        return self._recordings.begin(rate) if recording else self._recordings.end()
+
+    def _is_afresh(self, frame: Frame) -> bool:
+        """Whether frames of a new kind begin: the first one, a restart, another size."""
+        size_wh = frame.image.shape[1], frame.image.shape[0]
+        before, self._size_wh = self._size_wh, size_wh
+        if before is not None and before != size_wh and self._targets.seen():
+            self._targets.remove(None)
+            text = f"pictures are {size_wh[0]}x{size_wh[1]} pixels now: draw the targets anew"
+            self._note(Note("warning", text))
+        return before != size_wh
+
+    def _begin(self, frame: Frame) -> None:
+        self._past.forget()
+        self._targets.begin(frame)
+        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+
+    def _kept(self, step: Step) -> Step:
+        self.newest = step
+        self._past.keep(step)
+        return step
+
+    def _rate(self) -> float:
+        """Steps a second, of late."""
+        first, last = self._done[0], self._done[-1]
+        return (len(self._done) - 1) / (last - first) if last > first else 0.0

@@ -1,0 +1,39 @@
+/** Boxes and their way through 2×3 transforms; pixels, x right, y down. */
+
+/** @typedef {[[number, number, number], [number, number, number]]} Transform */
+/** @typedef {[number, number]} Point */
+
+/** @type {Transform} */
+export const IDENTITY = [[1, 0, 0], [0, 1, 0]];
+
+/** @param {Transform} transform @param {Point} point @returns {Point} */
+export function mapPoint([[a, b, c], [d, e, f]], [x, y]) {
+  return [a * x + b * y + c, d * x + e * y + f];
+}
+
+/** @param {Transform} transform @returns {Transform} */
+export function inverse([[a, b, c], [d, e, f]]) {
+  const determinant = a * e - b * d;
+  const [ai, bi, di, ei] = [e, -b, -d, a].map((value) => value / determinant);
+  return [[ai, bi, -(ai * c + bi * f)], [di, ei, -(di * c + ei * f)]];
+}
+
+/** The corners of a box, clockwise from the upper left one. */
+export function cornersOf([x, y, w, h]) {
+  return [[x, y], [x + w, y], [x + w, y + h], [x, y + h]];
+}
+
+/** The box of two opposite corners. */
+export function boxBetween([x0, y0], [x1, y1]) {
+  return [Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0)];
+}
+
+/** A box of the same size around the centre, taken through the transform. */
+export function movedBox(transform, [x, y, w, h]) {
+  const [cx, cy] = mapPoint(transform, [x + w / 2, y + h / 2]);
+  return [cx - w / 2, cy - h / 2, w, h];
+}
+
+export function contains([x, y, w, h], [px, py]) {
+  return px >= x && px <= x + w && py >= y && py <= y + h;
+}

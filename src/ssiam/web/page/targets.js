@@ -1,0 +1,122 @@
+/** The list of targets. */
+
+const WORDS = { tracking: "tracking", lost: "LOST", found: "FOUND" };
+
+/**
+ * @typedef {object} Handlers
+ * @property {(id: number) => void} select
+ * @property {(id: number, name: string) => Promise<unknown>} rename undefined if it failed
+ * @property {(id: number) => void} remove
+ */
+
+/** A list item for every target, made once and then kept up to date. */
+export class TargetList {
+  #rows = new Map();
+  #list;
+  #empty;
+  #handlers;
+
+  /** @param {HTMLElement} list @param {HTMLElement} empty @param {Handlers} handlers */
+  constructor(list, empty, handlers) {
+    this.#list = list;
+    this.#empty = empty;
+    this.#handlers = handlers;
+  }
+
+  /**
+   * @param {import("./steps.js").Target[]} targets
+   * @param {(target: object) => "tracking" | "lost" | "found"} stateOf
+   * @param {number | null} selected
+   */
+  update(targets, stateOf, selected) {
+    const ids = new Set(targets.map(({ id }) => id));
+    for (const [id, row] of this.#rows) {
+      if (ids.has(id)) continue;
+      row.item.remove();
+      this.#rows.delete(id);
+    }
+    for (const target of targets) {
+      if (!this.#rows.has(target.id)) this.#rows.set(target.id, this.#add(target));
+      show(this.#rows.get(target.id), target, stateOf(target), target.id === selected);
+    }
+    this.#empty.hidden = targets.length > 0;
+  }
+
+  #add({ id, colour }) {
+    const row = makeRow(colour);
+    row.item.addEventListener("pointerdown", () => this.#handlers.select(id));
+    row.swatch.addEventListener("click", () => this.#handlers.select(id));
+    row.name.addEventListener("focus", () => this.#handlers.select(id));
+    row.name.addEventListener("change", () => this.#rename(id, row));
+    row.name.addEventListener("blur", () => this.#settle(row));
+    row.name.addEventListener("keydown", (event) => finish(event, row));
+    row.remove.addEventListener("click", () => this.#handlers.remove(id));
+    this.#list.append(row.item);
+    return row;
+  }
+
+  async #rename(id, row) {
+    const name = row.name.value.trim().replace(/\s+/g, " ");
+    if (!name || name === row.known) return;
+    row.isSent = true;
+    const answer = await this.#handlers.rename(id, name);
+    row.isSent = false;
+    if (answer === undefined) this.#settle(row);
+  }
+
+  /** What is not being typed, nor on its way, is what the session says. */
+  #settle(row) {
+    if (!row.isSent) row.name.value = row.known;
+  }
+}
+
+/** Enter takes a name, Escape gives it up. */
+function finish(event, row) {
+  if (event.key === "Escape") row.name.value = row.known;
+  if (event.key === "Escape" || event.key === "Enter") row.name.blur();
+}
+
+function show(row, target, state, selected) {
+  const { name, score } = target;
+  if (row.known !== name) nameRow(row, name);
+  row.item.dataset.state = state;
+  row.item.classList.toggle("selected", selected);
+  row.swatch.setAttribute("aria-pressed", String(selected));
+  row.state.textContent = WORDS[state];
+  const percent = Math.round(Math.min(Math.max(score, 0), 1) * 100);
+  row.meter.setAttribute("aria-valuenow", String(percent));
+  row.bar.style.transform = `scaleX(${percent / 100})`;
+  row.number.textContent = score.toFixed(2);
+}
+
+function nameRow(row, name) {
+  row.known = name;
+  if (document.activeElement !== row.name) row.name.value = name;
+  row.swatch.setAttribute("aria-label", `Select ${name}`);
+  row.name.setAttribute("aria-label", `Name of ${name}`);
+  row.meter.setAttribute("aria-label", `Score of ${name}`);
+  row.remove.setAttribute("aria-label", `Remove ${name}`);
+}
+
+function makeRow(colour) {
+  const item = make("li", "target");
+  const swatch = make("button", "swatch", { type: "button" });
+  const name = make("input", "name", { type: "text", maxLength: 40, spellcheck: false });
+  name.autocomplete = "off";
+  const state = make("span", "state");
+  const meter = make("span", "meter");
+  for (const [key, value] of [["role", "meter"], ["aria-valuemin", "0"], ["aria-valuemax", "100"]]) {
+    meter.setAttribute(key, value);
+  }
+  const bar = make("span", "bar");
+  const number = make("span", "number");
+  const remove = make("button", "remove quiet", { type: "button", textContent: "×" });
+  swatch.style.backgroundColor = bar.style.backgroundColor = colour;
+  meter.append(bar);
+  item.append(swatch, name, state, meter, number, remove);
+  return { item, swatch, name, state, meter, bar, number, remove, known: null, isSent: false };
+}
+
+function make(tag, className, properties = {}) {
+  return Object.assign(document.createElement(tag), { className, ...properties });
+}

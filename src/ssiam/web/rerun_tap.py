@@ -1,0 +1,78 @@
+"""`RerunTap`: a live session's steps into a file for the Rerun viewer."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Final
+
+from ssiam.errors import SinkError
+from ssiam.exchange import RerunLog
+from ssiam.web.session import Session
+from ssiam.web.step import Step
+
+_log = logging.getLogger(__name__)
+
+_WAITING: Final = 60  # steps that may wait for the disk; more are left out
+
+
+class RerunTap:
+    """Logs each frame of a session once, on a thread of its own; a context manager.
+
+    Parameters
+    ----------
+    session : Session
+    path : Path
+        A .rrd file, replaced if it exists.
+
+    Raises
+    ------
+    SinkError
+        The file cannot be written.
+    MissingExtraError
+        rerun-sdk is not installed.
+    """
+
+    def __init__(self, session: Session, path: Path) -> None:
+        self._sink = RerunLog(path)
+        self._steps: SimpleQueue[Step | None] = SimpleQueue()
+        self._taken: Step | None = None
+        self._thread = threading.Thread(target=self._run, name="ssiam-rerun", daemon=True)
+        self._thread.start()
+        self._unlisten = session.listen(self._take)
+
+    def close(self) -> None:
+        """Finish the file. May be called twice."""
+        self._unlisten()
+        self._steps.put(None)
+        self._thread.join()
+
+    def __enter__(self) -> RerunTap:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _take(self, step: Step) -> None:
+        if self._taken is not None and self._taken.frame is step.frame:
+            return
+        self._taken = step
+        if self._steps.qsize() < _WAITING:
+            self._steps.put(step)
+
+    def _run(self) -> None:
+        try:
+            with self._sink as log:
+                while (step := self._steps.get()) is not None:
+                    self._write(log, step)
+        except SinkError as error:
+            _log.error("%s", error)
+
+    @staticmethod
+    def _write(log: RerunLog, step: Step) -> None:
+        tracks = [target.track for target in step.targets]
+        names = [target.name for target in step.targets]
+        ids = [target.id for target in step.targets]
+        log.write(step.number, step.frame.time, step.frame.image, tracks, names, ids)

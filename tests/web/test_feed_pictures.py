@@ -1,0 +1,124 @@
+"""`decode_picture`: pictures of strangers."""
+
+from __future__ import annotations
+
+import struct
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+from clips import number_in, picture
+
+from ssiam.errors import ArgumentError
+from ssiam.web.feed_pictures import decode_picture
+
+
+def jpeg(image, *parameters):
+    return cv2.imencode(".jpg", image, list(parameters))[1].tobytes()
+
+
+PLAIN = jpeg(picture(99))
+PROGRESSIVE = jpeg(picture(99), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+
+
+def _resized(data, marker, width, height):
+    """The same bytes under a header that tells another size."""
+    place = data.index(b"\xff" + bytes([marker])) + 5
+    return data[:place] + struct.pack(">HH", height, width) + data[place + 4 :]
+
+
+def _hidden(data):
+    """A huge picture whose header is behind a marker without length, then one that looks small.
+
+    Whoever takes that marker for one with a length jumps over the huge header.
+    """
+    at = data.index(b"\xff\xc0")
+    huge = _resized(data, 0xC0, 16000, 16000)[at:]
+    return data[:at] + b"\xff\x01" + huge + bytes(0xFFC0 - len(huge)) + data[at:]
+
+
+def _many_scans(data):
+    at = data.rindex(b"\xff\xda")
+    return data[:at] + data[at:-2] * 40 + data[-2:]
+
+
+GOOD = [
+    ("plain", PLAIN),
+    ("progressive", PROGRESSIVE),
+    ("low quality", jpeg(picture(99), cv2.IMWRITE_JPEG_QUALITY, 20)),
+]
+
+
+@pytest.mark.parametrize("data", [g[1] for g in GOOD], ids=[g[0] for g in GOOD])
+def test_jpeg(data):
+    image = decode_picture(data)
+    assert (image.shape, image.dtype, number_in(image)) == ((96, 160, 3), np.uint8, 99)
+
+
+def test_grey_jpeg_has_three_channels():
+    assert decode_picture(jpeg(picture(5)[..., 0])).shape == (96, 160, 3)
+
+
+BAD = [
+    # name, bytes, words of the message
+    ("nothing", b"", "not a JPEG"),
+    ("text", b"hello " * 99, "not a JPEG"),
+    ("PNG", cv2.imencode(".png", picture(1))[1].tobytes(), "not a JPEG"),
+    ("BMP", cv2.imencode(".bmp", picture(1))[1].tobytes(), "not a JPEG"),
+    ("only the beginning", b"\xff\xd8", "no readable header"),
+    ("no frame", PLAIN[:2] + PLAIN[PLAIN.index(b"\xff\xda") :], "no readable header"),
+    ("65500 x 65500", _resized(PLAIN, 0xC0, 65500, 65500), "65500x65500 pixels"),
+    ("progressive 65500", _resized(PROGRESSIVE, 0xC2, 65500, 65500), "65500x65500 pixels"),
+    ("just too many", _resized(PLAIN, 0xC0, 4097, 4096), "4097x4096 pixels"),
+    ("no height", _resized(PLAIN, 0xC0, 160, 0), "160x0 pixels"),
+    ("hidden size", _hidden(PLAIN), "no readable header"),
+    ("many scans", _many_scans(PROGRESSIVE), "scans"),
+    ("cut", PLAIN[:-100], "is cut"),
+    ("header only", PLAIN[: PLAIN.index(b"\xff\xda")] + b"\xff\xd9", "is damaged"),
+]
+
+
+@pytest.mark.parametrize(("data", "words"), [b[1:] for b in BAD], ids=[b[0] for b in BAD])
+def test_anything_else_is_refused_without_taking_memory(data, words):
+    tracemalloc.start()
+    with pytest.raises(ArgumentError, match=words) as caught:
+        decode_picture(data)
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_limit_is_the_callers():
+    assert decode_picture(PLAIN, limit_pixels=160 * 96).shape == (96, 160, 3)
+    with pytest.raises(ArgumentError, match="at most 15359"):
+        decode_picture(PLAIN, limit_pixels=160 * 96 - 1)
+
+
+@pytest.mark.parametrize("data", [PLAIN, PROGRESSIVE], ids=["plain", "progressive"])
+def test_cut_anywhere_is_refused(data):
+    for length in range(0, len(data), 7):
+        with pytest.raises(ArgumentError):
+            decode_picture(data[:length])
+
+
+@pytest.mark.parametrize("data", [PLAIN, PROGRESSIVE], ids=["plain", "progressive"])
+def test_scratched_gives_a_picture_or_an_error(data):
+    random = np.random.default_rng(5)
+    for _ in range(300):
+        scratched = bytearray(data)
+        for place in random.integers(0, len(data), random.integers(1, 12)):
+            scratched[place] = random.integers(0, 256)
+        try:
+            image = decode_picture(bytes(scratched), limit_pixels=1_000_000)
+        except ArgumentError:
+            continue
+        assert image.dtype == np.uint8
+        assert image.size <= 3_000_000
+
+
+def test_random_bytes_behind_the_magic_are_refused():
+    random = np.random.default_rng(6)
+    for length in range(0, 3000, 37):
+        with pytest.raises(ArgumentError):
+            decode_picture(b"\xff\xd8\xff" + random.bytes(length) + b"\xff\xd9")

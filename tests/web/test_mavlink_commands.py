@@ -1,0 +1,165 @@
+"""Each command of a ground station gets the answer that it should."""
+
+import math
+
+import pytest
+from ground_station import GroundStation, command_long
+from pymavlink.dialects.v20 import common as mavlink
+from scripted_session import ScriptedSession
+
+from ssiam.web.commands import Add, Remove
+from ssiam.web.mavlink import MavlinkCamera
+
+ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = range(5)
+RECTANGLE, POINT = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_CAMERA_TRACK_POINT
+INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
+STATUS = mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS
+INFORMATION = mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION
+IDLE = mavlink.CAMERA_TRACKING_STATUS_FLAGS_IDLE
+
+
+@pytest.fixture
+def session():
+    with ScriptedSession() as session:
+        yield session
+
+
+@pytest.fixture
+def station():
+    with GroundStation() as station:
+        yield station
+
+
+@pytest.fixture
+def flying(session, station):
+    """A session with one step, watched by a station."""
+    with MavlinkCamera(session, station.address):
+        session.step()
+        assert station.status().tracking_status == IDLE
+        yield session, station
+
+
+NAN = math.nan
+WRONG = [
+    # name, command, params, result
+    ("rectangle of NaN", RECTANGLE, (NAN, 0.1, 0.5, 0.5), DENIED),
+    ("rectangle outside", RECTANGLE, (0.1, 0.1, 1.1, 0.5), DENIED),
+    ("rectangle below nothing", RECTANGLE, (-0.1, 0.1, 0.5, 0.5), DENIED),
+    ("rectangle without width", RECTANGLE, (0.5, 0.1, 0.5, 0.5), DENIED),
+    ("rectangle upside down", RECTANGLE, (0.1, 0.5, 0.5, 0.1), DENIED),
+    ("rectangle of nothing", RECTANGLE, (), DENIED),
+    ("rectangle of pixels", RECTANGLE, (100, 100, 200, 200), DENIED),
+    ("point at infinity", POINT, (math.inf, 0.5, 0.1), DENIED),
+    ("point with a radius of NaN", POINT, (0.5, 0.5, NAN), DENIED),
+    ("point with a radius below 0", POINT, (0.5, 0.5, -0.1), DENIED),
+    ("unknown message", REQUEST, (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,), DENIED),
+    ("message of NaN", REQUEST, (NAN,), DENIED),
+    ("interval of another message", INTERVAL, (INFORMATION, 1000), DENIED),
+    ("interval of NaN", INTERVAL, (STATUS, NAN), DENIED),
+    ("interval below 0", INTERVAL, (STATUS, -2), DENIED),
+    ("take off", mavlink.MAV_CMD_NAV_TAKEOFF, (), UNSUPPORTED),
+    ("zoom", mavlink.MAV_CMD_SET_CAMERA_ZOOM, (1, 1), UNSUPPORTED),
+    ("no such command", 65535, (), UNSUPPORTED),
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "params", "result"), [w[1:] for w in WRONG], ids=[w[0] for w in WRONG]
+)
+def test_what_cannot_be_done_is_said_and_changes_nothing(flying, command, params, result):
+    session, station = flying
+    assert station.ask(command, *params) == result
+    assert session.asked == []
+
+
+@pytest.mark.parametrize(
+    ("code", "result"), [("bad-box", DENIED), ("too-many-targets", FAILED)], ids=str
+)
+def test_what_the_session_refuses_is_said(flying, code, result):
+    session, station = flying
+    session.refusal = code
+    assert station.ask(RECTANGLE, 0.1, 0.1, 0.2, 0.2) == result
+    session.step()
+    assert station.ask(REQUEST, STATUS) == ACCEPTED
+    assert station.status().tracking_status == IDLE
+
+
+@pytest.mark.parametrize(
+    ("command", "params"),
+    [(RECTANGLE, (0.1, 0.1, 0.2, 0.2)), (POINT, (0.5, 0.5, 0.1)), (REQUEST, (STATUS,))],
+    ids=["rectangle", "point", "status"],
+)
+def test_before_the_first_frame_it_is_too_early(session, station, command, params):
+    with MavlinkCamera(session, station.address):
+        assert station.ask(command, *params) == LATER
+        session.step()
+        assert station.ask(command, *params) == ACCEPTED
+
+
+ADDRESSED = [
+    # name, (system, component), command, params, result
+    ("this camera", (1, 100), RECTANGLE, (0.1, 0.1, 0.2, 0.2), ACCEPTED),
+    ("everybody", (0, 0), RECTANGLE, (0.1, 0.1, 0.2, 0.2), ACCEPTED),
+    ("all of the system", (1, 0), RECTANGLE, (0.1, 0.1, 0.2, 0.2, 100), ACCEPTED),
+    ("another camera of all", (1, 0), RECTANGLE, (0.1, 0.1, 0.2, 0.2, 101), None),
+    ("another component", (1, 101), RECTANGLE, (0.1, 0.1, 0.2, 0.2), None),
+    ("another system", (2, 100), RECTANGLE, (0.1, 0.1, 0.2, 0.2), None),
+    ("everybody, not for cameras", (0, 0), mavlink.MAV_CMD_NAV_TAKEOFF, (), None),
+]
+
+
+@pytest.mark.parametrize(
+    ("to", "command", "params", "result"), [a[1:] for a in ADDRESSED], ids=[a[0] for a in ADDRESSED]
+)
+def test_only_commands_for_this_camera_are_taken(flying, to, command, params, result):
+    session, station = flying
+    station.send(command_long(command, *params, to=to))
+    station.send(command_long(REQUEST, INFORMATION))
+    expected = {REQUEST: ACCEPTED} | ({} if result is None else {command: result})
+    acks = [station.until("COMMAND_ACK") for _ in expected]
+    assert {ack.command: ack.result for ack in acks} == expected
+    assert len(session.asked) == (result == ACCEPTED)
+
+
+def test_commands_with_integers_are_taken_too(flying):
+    session, station = flying
+    station.send(
+        mavlink.MAVLink_command_int_message(
+            1, 100, 0, RECTANGLE, 0, 0, 0.25, 0.5, 0.375, 0.75, 0, 0, 0
+        )
+    )
+    assert station.result(RECTANGLE) == ACCEPTED
+    assert session.asked == [Add((160, 180, 80, 90))]
+
+
+def test_a_command_that_is_sent_again_is_carried_out_once(flying):
+    session, station = flying
+    box = (0.25, 0.5, 0.375, 0.75)
+    assert station.ask(RECTANGLE, *box) == ACCEPTED
+    assert station.ask(RECTANGLE, *box, confirmation=1) == ACCEPTED
+    assert len(session.asked) == 1
+    assert station.ask(RECTANGLE, *box) == ACCEPTED
+    assert len(session.asked) == 3
+
+
+def test_a_new_rectangle_takes_the_place_of_the_old_one(flying):
+    session, station = flying
+    assert station.ask(RECTANGLE, 0.1, 0.1, 0.2, 0.2) == ACCEPTED
+    assert station.ask(POINT, 0.5, 0.5, 0.1) == ACCEPTED
+    assert [type(command) for command in session.asked] == [Add, Remove, Add]
+    assert set(session.targets) == {2}
+
+
+def test_a_rectangle_while_the_session_is_busy_with_another(flying):
+    session, station = flying
+    session.busy.clear()
+    for left in (0.1, 0.2, 0.3):
+        station.send(command_long(RECTANGLE, left, 0.1, 0.5, 0.5))
+    for _ in range(2):
+        station.send(command_long(REQUEST, INFORMATION))
+    assert station.until("CAMERA_INFORMATION")  # nobody waits for the session
+    session.busy.set()
+    assert [station.result(RECTANGLE) for _ in range(3)] == [ACCEPTED] * 3
+    assert station.ask(REQUEST, INFORMATION) == ACCEPTED
+    session.step()
+    assert set(session.targets) == {3}

@@ -1,0 +1,180 @@
+"""Recordings are whole files: the video plays, the results and exports fit to it."""
+
+import csv
+import json
+import time
+import zipfile
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from shaky_clip import SIZE, shaky_frames
+
+from ssiam.errors import SinkError
+from ssiam.geometry import IDENTITY
+from ssiam.trackers import Track
+from ssiam.video import Frame, open_source
+from ssiam.web.errors import CommandError
+from ssiam.web.recording import Recordings
+from ssiam.web.step import Step, Target
+
+RATE = 25
+
+
+def steps(count, *, targets=lambda index: (1,)):
+    """Steps of a clip, with the patch as the targets of those ids."""
+    frames, boxes = shaky_frames(count)
+    for index, (image, box) in enumerate(zip(frames, boxes, strict=True)):
+        seen = tuple(
+            Target(id, f"patch {id}", "#00ff00", Track(box, 0.9, lost=index % 10 == 9))
+            for id in targets(index)
+        )
+        frame = Frame(index + 100, index / RATE, image)
+        yield Step(
+            index + 1, frame, seen, None, IDENTITY, "off", 0.0, 0.0, RATE, 0, "playing", None
+        )
+
+
+def recorded(recordings, count, **options):
+    name = recordings.begin(RATE)
+    for step in steps(count, **options):
+        recordings.write(step)
+    assert recordings.end() == name
+    while recordings.listing()[-1]["open"]:
+        time.sleep(0.01)
+    return name
+
+
+@pytest.fixture
+def recordings():
+    kept = Recordings()
+    yield kept
+    kept.close()
+
+
+def test_every_file_of_a_recording_fits_to_its_video(recordings):
+    name = recorded(recordings, 30)
+    (listed,) = recordings.listing()
+    assert (listed["frames"], listed["seconds"]) == (30, pytest.approx(1.2))
+    with open_source(recordings.path(name, "video.mp4")) as frames:
+        assert frames.size_wh == SIZE
+        played = list(frames)
+    assert len(played) == 30
+    assert played[-1].time == pytest.approx(29 / RATE, abs=1e-3)
+    rows = list(csv.DictReader(recordings.path(name, "results.csv").open()))
+    assert [int(row["frame"]) for row in rows] == list(range(30))
+    lines = recordings.path(name, "results.jsonl").read_text().splitlines()
+    assert [json.loads(line)["lost"] for line in lines] == [i % 10 == 9 for i in range(30)]
+    cvat = ElementTree.parse(recordings.path(name, "cvat.xml"))
+    assert cvat.find(".//track").get("label") == "patch 1"
+    coco = json.loads(recordings.path(name, "coco.json").read_text())
+    assert len(coco["images"]) == 30
+    with zipfile.ZipFile(recordings.path(name, "got10k.zip")) as archive:
+        assert archive.testzip() is None
+
+
+def test_targets_may_come_and_go(recordings):
+    name = recorded(recordings, 12, targets=lambda index: () if index < 4 else (3, 5))
+    rows = list(csv.DictReader(recordings.path(name, "results.csv").open()))
+    assert {(row["frame"], row["target"]) for row in rows} == {
+        (str(frame), target) for frame in range(4, 12) for target in "35"
+    }
+    coco = json.loads(recordings.path(name, "coco.json").read_text())
+    assert {each["attributes"]["track_id"] for each in coco["annotations"]} == {3, 5}
+
+
+def test_the_boxes_are_drawn_into_the_video(recordings):
+    drawn = recorded(recordings, 3)
+    plain = recorded(recordings, 3, targets=lambda index: ())
+    first = [
+        next(open_source(recordings.path(name, "video.mp4"))).image.astype(int)
+        for name in (drawn, plain)
+    ]
+    apart = np.abs(first[0] - first[1])
+    assert apart.max() > 60
+
+
+def test_a_frame_that_is_told_of_twice_is_recorded_once(recordings):
+    name = recordings.begin(RATE)
+    for step in steps(4):
+        recordings.write(step)
+        recordings.write(step)
+    recordings.end()
+    while recordings.listing()[0]["open"]:
+        time.sleep(0.01)
+    assert recordings.listing()[0]["frames"] == 4
+    assert name == recordings.listing()[0]["name"]
+
+
+def test_a_recording_without_targets_is_a_video(recordings):
+    recorded(recordings, 3, targets=lambda index: ())
+    assert recordings.listing()[0]["files"] == ["video.mp4", "results.csv", "results.jsonl"]
+
+
+def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
+    name = recordings.begin(RATE)
+    for step in steps(3):
+        recordings.write(step)
+    larger = Frame(900, None, np.zeros((480, 640, 3), np.uint8))
+    odd = Step(4, larger, (), None, IDENTITY, "off", 0.0, 0.0, RATE, 0, "playing", None)
+    recordings.write(odd)
+    while recordings.listing()[0]["open"]:
+        time.sleep(0.01)
+    recordings.write(odd)
+    assert recordings.current is None
+    with open_source(recordings.path(name, "video.mp4")) as frames:
+        assert len(list(frames)) == 3
+    assert recordings.begin(RATE) != name
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        pytest.param("../..", "video.mp4", id="another folder"),
+        pytest.param("", "video.mp4", id="no name"),
+        pytest.param("NAME", "../video.mp4", id="a path"),
+        pytest.param("NAME", "secret", id="unknown file"),
+        pytest.param("NAME", "/etc/passwd", id="absolute"),
+    ],
+)
+def test_only_files_that_it_lists_are_told(recordings, name, file):
+    known = recorded(recordings, 2)
+    with pytest.raises(KeyError):
+        recordings.path(known if name == "NAME" else name, file)
+
+
+def test_an_open_recording_cannot_be_fetched_and_is_the_only_one(recordings):
+    name = recordings.begin(RATE)
+    with pytest.raises(KeyError):
+        recordings.path(name, "video.mp4")
+    with pytest.raises(CommandError, match="is open"):
+        recordings.begin(RATE)
+
+
+def test_everybody_hears_of_changes(recordings):
+    told = []
+    end = recordings.listen(told.append)
+    recorded(recordings, 2)
+    assert [listing[0]["open"] for listing in told] == [True, False]
+    end()
+    recorded(recordings, 2)
+    assert len(told) == 2
+
+
+def test_recordings_are_kept_where_that_is_wished(tmp_path):
+    kept = Recordings(tmp_path / "kept")
+    name = recorded(kept, 2)
+    kept.close()
+    assert (tmp_path / "kept" / name / "video.mp4").stat().st_size > 0
+
+
+def test_recordings_of_a_session_are_gone_with_it(recordings):
+    path = recordings.path(recorded(recordings, 2), "video.mp4")
+    recordings.close()
+    assert not path.exists()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SinkError, match="file/there cannot be made"):
+        Recordings(tmp_path / "file" / "there")

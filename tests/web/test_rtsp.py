@@ -1,0 +1,173 @@
+"""A real RTSP server that dies, comes back, changes its picture, and falls silent."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from clips import number_in, picture
+
+from ssiam.video import VideoSink
+from ssiam.web.feed import open_feed
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+SERVER = Path(__file__).with_name("rtsp_server.py")
+# Debian's names; gstreamer1.0-plugins-good comes along.
+PACKAGES = "gir1.2-gst-rtsp-server-1.0 python3-gi"
+PROBE = (
+    "import gi; gi.require_version('GstRtspServer', '1.0');"
+    "from gi.repository import Gst, GstRtspServer; Gst.init(None);"
+    "assert all(map(Gst.ElementFactory.find, ('qtdemux', 'appsrc', 'rtph264pay', 'rtpbin')))"
+)
+SOON = 20.0
+# Seconds after its return by which a server's pictures must go on.
+PROMISED = 3.0
+# Seconds after which it must be known that nothing comes any more.
+NOTICED = 8.0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _server_can_run():
+    found = shutil.which(SYSTEM_PYTHON) is not None
+    if not found or subprocess.run([SYSTEM_PYTHON, "-c", PROBE], capture_output=True).returncode:
+        pytest.skip(f"no GStreamer RTSP server here: apt install {PACKAGES}")
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    """Make a clip of 50 numbered frames, 25 a second."""
+
+    def make(width, height):
+        path = tmp_path_factory.mktemp("rtsp") / "clip.mp4"
+        with VideoSink(path, 25) as sink:
+            for number in range(50):
+                sink.write(picture(number, width, height))
+        return path
+
+    return make
+
+
+class Server:
+    """The server's process, always on the same port; a context manager."""
+
+    def __init__(self):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.address = f"rtsp://user:secret@127.0.0.1:{self.port}/clip"
+        self._process = None
+
+    def start(self, clip):
+        command = [SYSTEM_PYTHON, SERVER, str(self.port), clip]
+        self._process = subprocess.Popen(command)
+        wait_for(self._answers)
+        return self
+
+    def signal(self, number):
+        os.kill(self._process.pid, number)
+
+    def kill(self):
+        self._process.kill()
+        self._process.wait()
+
+    def _answers(self):
+        assert self._process.poll() is None, "the server has ended"
+        try:
+            socket.create_connection(("127.0.0.1", self.port)).close()
+        except ConnectionRefusedError:
+            return False
+        return True
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.kill()
+
+
+def wait_for(condition):
+    end = time.monotonic() + SOON
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)
+
+
+def play(server, notes):
+    feed = open_feed(server.address, notes=notes.append)
+    seen = [feed.take(SOON) for _ in range(20)]
+    assert (feed.length, feed.seekable, feed.fps, feed.size_wh) == (None, False, 25, (320, 240))
+    return feed, seen
+
+
+def check_order(seen):
+    for earlier, later in pairwise(seen):
+        assert later.frame.index > earlier.frame.index
+        assert later.frame.time > earlier.frame.time
+        assert later.arrived > earlier.arrived
+
+
+@pytest.mark.parametrize(
+    ("size", "change"),
+    [((320, 240), ""), ((160, 112), ", now with 160x112 pixels")],
+    ids=["same picture", "another size"],
+)
+def test_a_server_that_is_killed_is_found_again(clip, size, change):
+    notes = []
+    with Server().start(clip(320, 240)) as server:
+        feed, seen = play(server, notes)
+        server.kill()
+        wait_for(lambda: feed.state == "reconnecting")
+        while (left := feed.take(0)) is not None:
+            seen.append(left)
+        # Long enough for the longest wait between two attempts.
+        time.sleep(1.2)
+        assert feed.state == "reconnecting"
+        server.start(clip(*size))
+        back = time.monotonic()
+        seen += [feed.take(SOON) for _ in range(5)]
+        assert seen[-5].arrived - back < PROMISED
+        assert (feed.state, feed.size_wh) == ("playing", size)
+        assert number_in(seen[-1].frame.image) < 50
+        feed.close()
+    check_order(seen)
+    # The time without pictures is in their times.
+    assert seen[-1].frame.time - seen[-6].frame.time > 1.2
+    name = f"rtsp://127.0.0.1:{server.port}/clip"
+    assert [note.message for note in notes] == [
+        f"{name} is gone; trying again until it is back",
+        f"{name} is back{change}",
+    ]
+    assert [note.level for note in notes] == ["warning", "warning" if change else "info"]
+    wait_for(lambda: "ssiam-feed" not in [thread.name for thread in threading.enumerate()])
+
+
+def test_a_server_that_falls_silent_counts_as_gone(clip):
+    notes = []
+    with Server().start(clip(320, 240)) as server:
+        feed, seen = play(server, notes)
+        server.signal(signal.SIGSTOP)
+        silent = time.monotonic()
+        wait_for(lambda: feed.state == "reconnecting")
+        assert time.monotonic() - silent < NOTICED
+        while (left := feed.take(0)) is not None:
+            seen.append(left)
+        server.signal(signal.SIGCONT)
+        back = time.monotonic()
+        seen += [feed.take(SOON) for _ in range(5)]
+        assert seen[-5].arrived - back < PROMISED
+        # Closed in silence, its thread ends as well.
+        server.signal(signal.SIGSTOP)
+        feed.close()
+        wait_for(lambda: "ssiam-feed" not in [thread.name for thread in threading.enumerate()])
+        assert feed.take(0) is None
+    check_order(seen)
+    assert [note.level for note in notes] == ["warning", "info"]
+    assert not any("secret" in note.message for note in notes)
