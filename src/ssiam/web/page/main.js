@@ -16,7 +16,6 @@ import { CameraButton } from "./webcam.js";
 
 const PROTOCOL = 1;
 const FOUND_ENDS = 1050; // milliseconds after which a FOUND is drawn no longer
-
 const DRAW = "Draw a box around what to follow: press, drag, let go.";
 
 const byId = (id) => document.getElementById(id);
@@ -37,10 +36,7 @@ class Live {
     shown: (number) => this.#socket.send({ type: "shown", number }),
     broken: () => toast("warning", "A picture could not be read."),
   });
-  #layout = new Layout(
-    (message) => this.#socket.send(message),
-    () => this.#screen.redraw(),
-  );
+  #layout = new Layout((message) => this.#socket.send(message), () => this.#screen.redraw());
   #pencil = new Pencil(this.#layout.views, {
     begin: () => this.#beginStroke(),
     lasts: ({ number }) => this.#socket.send({ type: "hold", number }),
