@@ -16,7 +16,7 @@ from ssiam.geometry import map_box
 from ssiam.video import VideoSink
 from ssiam.web import commands
 from ssiam.web.recording import Recordings
-from ssiam.web.serving import LiveServer
+from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
 from synthetic import generator, poses, seen, world
 

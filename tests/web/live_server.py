@@ -17,12 +17,12 @@ from websockets.sync.client import connect
 
 import ssiam
 from ssiam.video import Frame
-from ssiam.web.limits import ServerLimits
-from ssiam.web.newest import Newest
-from ssiam.web.pushed import PushedFeed
+from ssiam.web.feeds.newest import Newest
+from ssiam.web.feeds.pushed import PushedFeed
 from ssiam.web.recording import Recordings
 from ssiam.web.rota import Rota
-from ssiam.web.serving import LiveServer
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
 from synthetic import poses, seen, world
 

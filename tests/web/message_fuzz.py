@@ -3,7 +3,7 @@
 import json
 
 from ssiam.web import commands
-from ssiam.web.messages import Shown, View
+from ssiam.web.server.messages import Shown, View
 from synthetic import generator
 
 BOX = [1.5, 2, 30, 40]

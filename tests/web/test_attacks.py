@@ -16,8 +16,8 @@ from message_fuzz import fuzzed
 from websockets.exceptions import InvalidStatus
 
 from ssiam.web import commands
-from ssiam.web.limits import ServerLimits
-from ssiam.web.messages import BadMessage, Shown, View, parse_message
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.messages import BadMessage, Shown, View, parse_message
 from synthetic import generator
 
 PATIENT = ServerLimits(bad_messages=10**6, messages_a_second=10**6, burst=10**6)

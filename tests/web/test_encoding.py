@@ -11,9 +11,9 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import rigid
 from ssiam.stabilize import FrameView
 from ssiam.video import Frame
-from ssiam.web import encoding
-from ssiam.web.encoding import StepPictures, decode_jpeg, encode_jpeg
-from ssiam.web.messages import View
+from ssiam.web.server import encoding
+from ssiam.web.server.encoding import StepPictures, decode_jpeg, encode_jpeg
+from ssiam.web.server.messages import View
 from ssiam.web.step import Step
 from synthetic import generator, world
 

@@ -11,7 +11,7 @@ import pytest
 from clips import number_in, picture
 
 from ssiam.errors import ArgumentError
-from ssiam.web.feed_pictures import decode_picture
+from ssiam.web.feeds.pictures import decode_picture
 
 
 def jpeg(image, *parameters):

@@ -18,10 +18,10 @@ from ssiam.errors import ArgumentError, SourceError
 from ssiam.video import Frame
 from ssiam.video.cameras import open_capture
 from ssiam.web.errors import CommandError
-from ssiam.web.feed import open_feed
-from ssiam.web.pacing import PlayClock
-from ssiam.web.pushed import PushedFeed
-from ssiam.web.reconnecting import ReconnectingFeed, StreamTime
+from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.pacing import PlayClock
+from ssiam.web.feeds.pushed import PushedFeed
+from ssiam.web.feeds.reconnecting import ReconnectingFeed, StreamTime
 
 SOON = 10.0
 
@@ -269,7 +269,7 @@ _READ_STDIN = """
 import sys
 import threading
 from ssiam.web.errors import CommandError
-from ssiam.web.feed import open_feed
+from ssiam.web.feeds.feed import open_feed
 feed = open_feed("-", pace="fast", notes=print)
 for _ in range(8):
     print(feed.take(10).frame.index, end=" ")

@@ -7,8 +7,8 @@ from contextlib import closing
 
 import pytest
 
-from ssiam.web.guard import Access, Guard
-from ssiam.web.listening import ServerError, access_to, listen, page_address
+from ssiam.web.server.guard import Access, Guard
+from ssiam.web.server.listening import ServerError, access_to, listen, page_address
 
 PORT = 8765
 TOKEN = "s3cret-token"

@@ -15,9 +15,9 @@ from shaky_clip import write_clip
 
 import ssiam
 from ssiam.web.commands import Add, Remove
-from ssiam.web.feed import open_feed
-from ssiam.web.mavlink import MavlinkCamera
-from ssiam.web.mavlink_pace import Pace
+from ssiam.web.feeds.feed import open_feed
+from ssiam.web.mavlink.camera import MavlinkCamera
+from ssiam.web.mavlink.pace import Pace
 from ssiam.web.recording import Recordings
 from ssiam.web.session import Session
 

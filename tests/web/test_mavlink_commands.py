@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from scripted_session import ScriptedSession
 
 from ssiam.web.commands import Add, Remove
-from ssiam.web.mavlink import MavlinkCamera
+from ssiam.web.mavlink.camera import MavlinkCamera
 
 ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = range(5)
 RECTANGLE, POINT = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_CAMERA_TRACK_POINT

@@ -16,8 +16,8 @@ from pymavlink.dialects.v20 import common as mavlink
 from scripted_session import ScriptedSession
 
 from ssiam.errors import ArgumentError
-from ssiam.web.mavlink import MavlinkCamera
-from ssiam.web.mavlink_ports import StreamLink
+from ssiam.web.mavlink.camera import MavlinkCamera
+from ssiam.web.mavlink.ports import StreamLink
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 RECTANGLE, REQUEST = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -197,12 +197,12 @@ def test_closing_ends_the_threads_and_may_be_done_twice(session, station):
 _WITHOUT = """
 import sys
 sys.modules["pymavlink"] = None
-import ssiam.web.mavlink
+import ssiam.web.mavlink.camera
 """
 _ENVIRONMENT = """
 import os
 before = {name for name in os.environ if "MAVLINK" in name}
-import ssiam.web.mavlink
+import ssiam.web.mavlink.camera
 assert {name for name in os.environ if "MAVLINK" in name} == before
 """
 

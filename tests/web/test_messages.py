@@ -13,11 +13,12 @@ from ssiam.geometry import IDENTITY, frame_centre, rigid
 from ssiam.motion import Motion
 from ssiam.trackers import Track
 from ssiam.video import Frame
-from ssiam.web import announcements, commands
+from ssiam.web import commands
 from ssiam.web.errors import CommandError
 from ssiam.web.info import SessionInfo, SessionLimits
-from ssiam.web.limits import ServerLimits
-from ssiam.web.messages import BadMessage, Message, View, parse_message
+from ssiam.web.server import announcements
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.messages import BadMessage, Message, View, parse_message
 from ssiam.web.step import Step, Target
 
 BOX = [1.5, 2, 30, 40]
@@ -188,7 +189,14 @@ def test_a_step_is_header_and_pictures():
     }
     assert (half["corners"], half["lost"], half["found"]) == ([[1, 1]] * 4, True, True)
     assert header == {
-        **{"type": "step", "number": 812, "index": 811, "time": 27.03, "stabilize": "predict"},
+        **{
+            "type": "step",
+            "number": 812,
+            "index": 811,
+            "size": [64, 36],
+            "time": 27.03,
+            "stabilize": "predict",
+        },
         "pictures": [{"view": "raw", "bytes": 3}, {"view": "steadied", "bytes": 5}],
         **{"latency": 0.0125, "fps": 29.97, "dropped": 3, "skipped": 2, "clients": 1},
         **{"playing": "playing", "recording": None},

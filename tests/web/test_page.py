@@ -15,8 +15,8 @@ from browsing import (
     write_shaking_clip,
 )
 
-from ssiam.web.feed import open_feed
-from ssiam.web.pushed import PushedFeed
+from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.pushed import PushedFeed
 
 FRAMES = 300
 HIDDEN = range(30, 45)  # 1.5 s

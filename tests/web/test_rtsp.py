@@ -16,7 +16,7 @@ import pytest
 from clips import number_in, picture
 
 from ssiam.video import VideoSink
-from ssiam.web.feed import open_feed
+from ssiam.web.feeds.feed import open_feed
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).with_name("rtsp_server.py")

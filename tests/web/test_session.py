@@ -9,7 +9,7 @@ from shaky_clip import SIZE, write_clip
 import ssiam
 from ssiam.web import commands
 from ssiam.web.errors import CommandError
-from ssiam.web.feed import open_feed
+from ssiam.web.feeds.feed import open_feed
 from ssiam.web.info import SessionLimits
 from ssiam.web.recording import Recordings
 from ssiam.web.session import Session

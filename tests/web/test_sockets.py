@@ -10,10 +10,10 @@ import time
 import pytest
 from live_server import SECONDS, SIZE, Client, Watcher, serving, until
 
-from ssiam.web.encoding import encode_jpeg
 from ssiam.web.errors import Note
-from ssiam.web.limits import ServerLimits
-from ssiam.web.outbox import Outbox
+from ssiam.web.server.encoding import encode_jpeg
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.outbox import Outbox
 from synthetic import world
 
 
@@ -297,7 +297,7 @@ sys.path[:0] = sys.argv[1:3]
 from live_server import serving
 with serving() as live:
     live.server.close()
-from ssiam.web.serving import LiveServer
+from ssiam.web.server.serving import LiveServer
 server = LiveServer(live.session, port=0)
 def look():
     print(urllib.request.urlopen(f"http://127.0.0.1:{server.access.port}/health").status)
@@ -319,7 +319,7 @@ import sys
 for package in ("starlette", "uvicorn", "websockets"):
     sys.modules[package] = None
     try:
-        import ssiam.web.serving
+        import ssiam.web.server.serving
     except Exception as error:
         print(type(error).__name__, error)
     del sys.modules[package]

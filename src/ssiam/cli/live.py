@@ -60,7 +60,7 @@ def live(
     rerun
         File to log everything to for the Rerun viewer: .rrd.
     """
-    from ssiam.web.serving import LiveServer
+    from ssiam.web.server.serving import LiveServer
 
     tracker = choice.load(config)
     with ExitStack() as stack:
@@ -72,7 +72,7 @@ def live(
         server = LiveServer(session, host, port, needs_token=token)
         session.start()
         if mavlink is not None:
-            from ssiam.web.mavlink import MavlinkCamera
+            from ssiam.web.mavlink.camera import MavlinkCamera
 
             stack.enter_context(MavlinkCamera(session, mavlink))
         if rerun is not None:

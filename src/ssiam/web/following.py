@@ -14,7 +14,7 @@ from ssiam.video import Frame
 from ssiam.web import commands
 from ssiam.web.commands import Command
 from ssiam.web.errors import CommandError, Note
-from ssiam.web.feed import Arrival, Feed
+from ssiam.web.feeds.feed import Arrival, Feed
 from ssiam.web.past import Past
 from ssiam.web.recording import Recordings
 from ssiam.web.step import Playing, Step

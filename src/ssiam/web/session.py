@@ -14,10 +14,10 @@ from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
 from ssiam.web.commands import Command, Hold
 from ssiam.web.errors import Note
-from ssiam.web.feed import Feed, open_feed
+from ssiam.web.feeds.feed import Feed, open_feed
+from ssiam.web.feeds.pushed import PushedFeed
 from ssiam.web.following import Following
 from ssiam.web.info import SessionInfo, SessionLimits
-from ssiam.web.pushed import PushedFeed
 from ssiam.web.recording import Recordings
 from ssiam.web.rota import Rota
 from ssiam.web.step import Step

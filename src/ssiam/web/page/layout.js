@@ -6,13 +6,11 @@ import { View } from "./view.js";
 const QUALITY = 80;
 const LEAST = 64; // pixels, widths of pictures
 const MOST = 1920;
-const WHOLE = 4096;
 const STEP = 32; // so that dragging a window's edge does not ask for every width
 const PAUSE = 200; // milliseconds between two wishes, at least
 
 export class Layout {
   #size = null;
-  #announced = false;
   #asked = "";
   #ask;
   #send;
@@ -35,9 +33,8 @@ export class Layout {
     return this.views.filter(({ figure }) => !figure.hidden);
   }
 
-  /** A session begins, whose frames have this size; null if it is unknown, or may change. */
+  /** A session begins, with frames of this size; null if it is not known yet. */
   begin(size) {
-    this.#announced = size !== null;
     this.#asked = "";
     if (size) this.#setSize(size);
     this.#ask();
@@ -52,10 +49,7 @@ export class Layout {
 
   /** Draw a step into every open view. */
   draw({ header, bitmaps }, bandIn, marks) {
-    const raw = bitmaps.get("raw");
-    // Where no size was announced, pictures were asked for in full size.
-    if (!this.#announced && raw) this.#setSize([raw.width, raw.height]);
-    if (!this.#size) return;
+    this.#setSize(header.size);
     for (const view of this.open) {
       view.draw(bitmaps.get(view.name), header, this.#size, { ...marks, band: bandIn(view) });
     }
@@ -74,8 +68,7 @@ export class Layout {
 
   #sendView() {
     const wide = Math.max(...this.open.map(({ width }) => width));
-    const wanted = Math.min(Math.max(Math.ceil(wide / STEP) * STEP, LEAST), MOST);
-    const width = this.#announced ? wanted : WHOLE;
+    const width = Math.min(Math.max(Math.ceil(wide / STEP) * STEP, LEAST), MOST);
     const steadied = this.open.some(({ name }) => name === "steadied");
     const view = { type: "view", raw: true, steadied, width, quality: QUALITY };
     if (JSON.stringify(view) === this.#asked || !this.#send(view)) return;

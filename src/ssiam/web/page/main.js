@@ -101,7 +101,7 @@ class Live {
     this.#newest = null;
     for (const part of [this.#screen, this.#states, this.#charts]) part.clear();
     this.#controls.begin(hello);
-    this.#layout.begin(hello.webcam ? null : hello.size);
+    this.#layout.begin(hello.size);
     this.#camera.offer(hello.webcam);
     banner(null);
     hint(hello.webcam ? "Waiting for somebody's camera." : "Waiting for the first picture.");

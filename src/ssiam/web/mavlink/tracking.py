@@ -12,8 +12,8 @@ from ssiam.errors import SsiamError
 from ssiam.geometry import XYWH
 from ssiam.web.commands import Add, Remove
 from ssiam.web.errors import CommandError
-from ssiam.web.mavlink_commands import Asked
-from ssiam.web.mavlink_messages import RECTANGLE, dialect
+from ssiam.web.mavlink.commands import Asked
+from ssiam.web.mavlink.messages import RECTANGLE, dialect
 
 if TYPE_CHECKING:
     from ssiam.web.session import Session

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from ssiam.web.mavlink_messages import dialect
+from ssiam.web.mavlink.messages import dialect
 
 _IDLE: Final[int] = dialect.CAMERA_TRACKING_STATUS_FLAGS_IDLE
 _IDLE_INTERVAL: Final = 1.0  # seconds, where nobody asked for another

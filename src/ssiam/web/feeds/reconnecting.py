@@ -10,8 +10,8 @@ from collections.abc import Callable
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.errors import Note
-from ssiam.web.newest import Newest
-from ssiam.web.pacing import PlayClock
+from ssiam.web.feeds.newest import Newest
+from ssiam.web.feeds.pacing import PlayClock
 
 _log = logging.getLogger(__name__)
 

@@ -9,13 +9,13 @@ from typing import Any, Final
 
 from starlette.websockets import WebSocket
 
-from ssiam.web.announcements import note, recordings
-from ssiam.web.camera import BrowserCamera
-from ssiam.web.encoding import StepPictures
 from ssiam.web.errors import Note
-from ssiam.web.limits import ServerLimits
+from ssiam.web.server.announcements import note, recordings
+from ssiam.web.server.camera import BrowserCamera
+from ssiam.web.server.encoding import StepPictures
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.sockets import GOING_AWAY, ClientSocket, call_on
 from ssiam.web.session import Session
-from ssiam.web.sockets import GOING_AWAY, ClientSocket, call_on
 from ssiam.web.step import Step
 
 _WORKERS: Final = 2  # that make pictures

@@ -26,9 +26,9 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
-from ssiam.web.clients import Clients
-from ssiam.web.guard import Access, Guard
-from ssiam.web.limits import ServerLimits
+from ssiam.web.server.clients import Clients
+from ssiam.web.server.guard import Access, Guard
+from ssiam.web.server.limits import ServerLimits
 from ssiam.web.session import Session
 
 _PAGE_TYPES: Final = {

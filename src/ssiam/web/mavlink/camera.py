@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from ssiam.errors import ArgumentError
-from ssiam.web.mavlink_commands import Budget, CommandReader
-from ssiam.web.mavlink_desk import Desk
-from ssiam.web.mavlink_links import open_link
-from ssiam.web.mavlink_messages import COMPONENT, Message, dialect, heartbeat
+from ssiam.web.mavlink.commands import Budget, CommandReader
+from ssiam.web.mavlink.desk import Desk
+from ssiam.web.mavlink.links import open_link
+from ssiam.web.mavlink.messages import COMPONENT, Message, dialect, heartbeat
 from ssiam.web.step import Step
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Final, Protocol, TypeAlias
 
 from ssiam.errors import ArgumentError
-from ssiam.web.mavlink_ports import SerialPort, StreamLink
+from ssiam.web.mavlink.ports import SerialPort, StreamLink
 
 _KINDS: Final = "udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or a serial port /dev/NAME,BAUD"
 _DATAGRAM: Final = 2048  # bytes; a MAVLink frame has 280 at most

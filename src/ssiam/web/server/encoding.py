@@ -15,7 +15,7 @@ import numpy as np
 from ssiam.errors import ArgumentError
 from ssiam.geometry import Image
 from ssiam.stabilize import FrameView
-from ssiam.web.messages import View
+from ssiam.web.server.messages import View
 from ssiam.web.step import Step
 
 ViewName: TypeAlias = Literal["raw", "steadied"]

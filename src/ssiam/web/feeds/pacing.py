@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.errors import Note
-from ssiam.web.newest import Newest
+from ssiam.web.feeds.newest import Newest
 
 # Seconds by which a frame may be late and still be caught up with, and by which it may be early
 # and still be waited for. What is further off is a new beginning: a computer that slept, a

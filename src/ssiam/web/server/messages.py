@@ -10,7 +10,7 @@ from ssiam.stabilize import Method
 from ssiam.web import commands
 from ssiam.web.commands import Command
 from ssiam.web.errors import Code, CommandError
-from ssiam.web.fields import LARGEST_NUMBER, Fields, bad_message, short
+from ssiam.web.server.fields import LARGEST_NUMBER, Fields, bad_message, short
 
 METHODS: Final[tuple[Method, ...]] = ("off", "paper", "predict")
 """What `steady` takes; "literal" is for studies, not for watching."""

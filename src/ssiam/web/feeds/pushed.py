@@ -7,7 +7,7 @@ from collections import deque
 
 from ssiam.geometry import Image, check_frame
 from ssiam.video import Frame
-from ssiam.web.newest import Newest
+from ssiam.web.feeds.newest import Newest
 
 # Pictures over which the rate is measured.
 _RATE_PICTURES = 30

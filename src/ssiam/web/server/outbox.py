@@ -11,10 +11,10 @@ from typing import Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ssiam.web.announcements import step_message
-from ssiam.web.encoding import StepPictures
-from ssiam.web.limits import ServerLimits
-from ssiam.web.messages import View
+from ssiam.web.server.announcements import step_message
+from ssiam.web.server.encoding import StepPictures
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.messages import View
 
 _UNDER_WAY: Final = 2  # steps that are sent and not acknowledged
 

@@ -11,11 +11,11 @@ from ssiam.video import Source, open_source
 from ssiam.video.addresses import is_address, open_address, public_name
 from ssiam.video.sources import STDIN
 from ssiam.web.errors import Note
-from ssiam.web.feed_pipe import is_piped, open_pipe
-from ssiam.web.newest import Arrival, FeedState
-from ssiam.web.pacing import PacedFeed
-from ssiam.web.pushed import PushedFeed
-from ssiam.web.reconnecting import ReconnectingFeed
+from ssiam.web.feeds.newest import Arrival, FeedState
+from ssiam.web.feeds.pacing import PacedFeed
+from ssiam.web.feeds.pipe import is_piped, open_pipe
+from ssiam.web.feeds.pushed import PushedFeed
+from ssiam.web.feeds.reconnecting import ReconnectingFeed
 
 __all__ = ["BROWSER", "Arrival", "Feed", "open_feed"]
 

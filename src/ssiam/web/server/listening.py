@@ -8,7 +8,7 @@ import socket
 from typing import Final
 
 from ssiam.errors import SsiamError
-from ssiam.web.guard import LOOPBACK, Access
+from ssiam.web.server.guard import LOOPBACK, Access
 
 _TOKEN_BYTES: Final = 32
 _BACKLOG: Final = 128

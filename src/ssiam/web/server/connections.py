@@ -17,7 +17,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
-from ssiam.web.limits import Allowance, ServerLimits
+from ssiam.web.server.limits import Allowance, ServerLimits
 
 # What the websockets package takes of a handshake; more of it would break it.
 _LONGEST_LINE: Final = 8000

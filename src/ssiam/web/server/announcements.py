@@ -14,8 +14,8 @@ from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
 from ssiam.web.errors import CommandError, Note
 from ssiam.web.info import SessionInfo, SessionLimits
-from ssiam.web.limits import ServerLimits
-from ssiam.web.messages import METHODS
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.messages import METHODS
 from ssiam.web.step import Step, Target
 
 PROTOCOL: Final = 1
@@ -85,6 +85,7 @@ def step_message(
         type="step",
         number=step.number,
         index=step.frame.index,
+        size=[step.frame.image.shape[1], step.frame.image.shape[0]],
         time=None if step.frame.time is None else _rounded(step.frame.time),
         stabilize=step.stabilize,
         pictures=[{"view": view, "bytes": len(jpeg)} for view, jpeg in pictures],

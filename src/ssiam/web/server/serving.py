@@ -21,11 +21,11 @@ except ModuleNotFoundError as error:
         "pip install 'ssiam[web]'"
     ) from error
 
-from ssiam.web.app import create_app
-from ssiam.web.clients import Clients
-from ssiam.web.connections import HttpConnection, SocketConnection, Watch, WatchedConfig
-from ssiam.web.limits import ServerLimits
-from ssiam.web.listening import ServerError, access_to, listen, page_address
+from ssiam.web.server.app import create_app
+from ssiam.web.server.clients import Clients
+from ssiam.web.server.connections import HttpConnection, SocketConnection, Watch, WatchedConfig
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.listening import ServerError, access_to, listen, page_address
 from ssiam.web.session import Session
 
 DEFAULT_PORT: Final = 8765

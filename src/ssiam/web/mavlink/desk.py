@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from ssiam.web.mavlink_commands import Asked
-from ssiam.web.mavlink_messages import (
+from ssiam.web.mavlink.commands import Asked
+from ssiam.web.mavlink.messages import (
     POINT,
     RECTANGLE,
     Message,
@@ -20,8 +20,8 @@ from ssiam.web.mavlink_messages import (
     settings,
     tracking_status,
 )
-from ssiam.web.mavlink_pace import Pace
-from ssiam.web.mavlink_tracking import OwnTarget
+from ssiam.web.mavlink.pace import Pace
+from ssiam.web.mavlink.tracking import OwnTarget
 from ssiam.web.step import Step
 
 if TYPE_CHECKING:

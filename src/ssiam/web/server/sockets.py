@@ -11,14 +11,14 @@ from typing import Any, Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ssiam.errors import SsiamError
-from ssiam.web.announcements import done, hello, refusal
-from ssiam.web.camera import BrowserCamera
 from ssiam.web.commands import Command
-from ssiam.web.encoding import StepPictures
 from ssiam.web.errors import CommandError
-from ssiam.web.limits import Allowance, ServerLimits
-from ssiam.web.messages import BadMessage, Message, Shown, View, parse_message
-from ssiam.web.outbox import Outbox
+from ssiam.web.server.announcements import done, hello, refusal
+from ssiam.web.server.camera import BrowserCamera
+from ssiam.web.server.encoding import StepPictures
+from ssiam.web.server.limits import Allowance, ServerLimits
+from ssiam.web.server.messages import BadMessage, Message, Shown, View, parse_message
+from ssiam.web.server.outbox import Outbox
 from ssiam.web.session import Session
 
 GOING_AWAY: Final = 1001

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from ssiam.web.mavlink_messages import Message, dialect
+from ssiam.web.mavlink.messages import Message, dialect
 
 _MARKER: Final = re.compile(rb"[\xfd\xfe]")
 _V2: Final = 0xFD

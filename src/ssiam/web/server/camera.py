@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from concurrent.futures import Executor
 
-from ssiam.web.encoding import decode_jpeg
 from ssiam.web.errors import CommandError
-from ssiam.web.limits import ServerLimits
+from ssiam.web.server.encoding import decode_jpeg
+from ssiam.web.server.limits import ServerLimits
 from ssiam.web.session import Session
 
 

@@ -1,0 +1,1 @@
+"""Where a live session takes its frames from: always the newest, never a queue."""

@@ -1,0 +1,1 @@
+"""The live session as a camera of a MAVLink ground station."""
