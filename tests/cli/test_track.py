@@ -158,6 +158,7 @@ def inputs(clip, tmp_path_factory):
 
 
 CLIP_BOX = ("CLIP", "--box", box_of(BOX))
+CSRT = ("--tracker", "csrt")
 NANO = ("--tracker", "nanotrack_v2")
 
 
@@ -178,10 +179,14 @@ NANO = ("--tracker", "nanotrack_v2")
         pytest.param((*CLIP_BOX, *NANO), "needs weights", id="weights not given"),
         pytest.param((*CLIP_BOX, *NANO, "--weights", "gone"), "gone", id="weights missing"),
         pytest.param((*CLIP_BOX, *NANO, "--weights", "html"), "web page", id="weights html"),
-        pytest.param((*CLIP_BOX, "--weights", "html"), "csrt has no weights", id="weights in vain"),
+        pytest.param(
+            (*CLIP_BOX, *CSRT, "--weights", "html"), "csrt has no weights", id="weights in vain"
+        ),
         pytest.param((*CLIP_BOX, *NANO, "--precision", "f16"), "'f16'", id="no such precision"),
         pytest.param((*CLIP_BOX, *NANO, "--device", "cuda"), "'cuda'", id="no such device"),
-        pytest.param((*CLIP_BOX, "--precision", "bf16"), "csrt has no network", id="in vain"),
+        pytest.param(
+            (*CLIP_BOX, *CSRT, "--precision", "bf16"), "csrt has no network", id="in vain"
+        ),
         pytest.param((*CLIP_BOX, "--out", "gone/o.mp4"), "gone", id="no output folder"),
         pytest.param((*CLIP_BOX, "--out", "empty"), "empty", id="output is a folder"),
         pytest.param((*CLIP_BOX, "--out", "/proc/o.mp4"), "/proc", id="folder not writable"),

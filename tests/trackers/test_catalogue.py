@@ -10,7 +10,9 @@ def test_default_tracker_needs_nothing():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        pytest.param({"name": "magic"}, "unknown tracker 'magic': choose from csrt", id="tracker"),
+        pytest.param(
+            {"name": "magic"}, "unknown tracker 'magic': choose from lite, csrt", id="tracker"
+        ),
         pytest.param({"stabilize": "magic"}, "unknown stabilize 'magic'", id="stabilize"),
         pytest.param({"threads": 0}, "threads is 0", id="threads"),
     ],

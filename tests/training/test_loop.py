@@ -16,6 +16,7 @@ from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
+from ssiam.training.finished import write_so_far  # noqa: E402
 from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
 from synthetic import golden_video  # noqa: E402
 from tiny import write_dataset  # noqa: E402
@@ -34,6 +35,15 @@ def undisturbed(weights, tmp_path_factory):
     validation = ValidationSettings((HeldOut(str(dataset), only=("clip0",)),), every=6, frames=3)
     toy.run(folder, weights, validation=validation)
     return folder
+
+
+def test_what_a_run_has_learnt_so_far_can_be_tried(weights, undisturbed, tmp_path):
+    assert write_so_far(toy.settings(weights), undisturbed, tmp_path / "now") == 6
+    now, whole = (torch.load(each / "weights.pth") for each in (tmp_path / "now", undisturbed))
+    assert all(torch.equal(now[key], whole[key]) for key in whole)
+    assert LiteNetworks.load(tmp_path / "now", Running()).mask is not None
+    with pytest.raises(ArgumentError, match="holds no run"):
+        write_so_far(toy.settings(weights), tmp_path, tmp_path / "now")
 
 
 def rows(folder):

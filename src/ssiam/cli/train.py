@@ -8,7 +8,7 @@ from pathlib import Path
 from ssiam.errors import MissingExtraError
 
 
-def train(config: Path, /, *, out: Path | None = None) -> None:
+def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = None) -> None:
     """Train the small tracker.
 
     Start the same command after an interruption, and it goes on from its last checkpoint. At the
@@ -21,6 +21,8 @@ def train(config: Path, /, *, out: Path | None = None) -> None:
         folder.
     out
         Folder of checkpoint, metrics and network; by default runs/NAME, after the config.
+    so_far
+        Do not train: write what the run has learnt up to now to this folder, to try it.
     """
     try:
         import ssiam.networks  # noqa: F401
@@ -29,16 +31,22 @@ def train(config: Path, /, *, out: Path | None = None) -> None:
             "PyTorch is not installed, which training needs: pip install 'ssiam[train]'"
         ) from error
     from ssiam.training.config import read_config
+    from ssiam.training.finished import write_so_far
     from ssiam.training.loading import load_batches
     from ssiam.training.loop import train as run
     from ssiam.training.opening import open_training_source
     from ssiam.training.pairs import PairSampler
 
     settings = read_config(config)
+    folder = out or Path("runs") / config.stem
+    if so_far is not None:
+        step = write_so_far(settings, folder, so_far)
+        print(f"{so_far}: {step} of {settings.steps} steps")
+        return
     sources = [open_training_source(each) for each in settings.sources]
     sampler = PairSampler(sources, settings.pairs, settings.seed)
     batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
-    run(settings, batches, out or Path("runs") / config.stem, _show)
+    run(settings, batches, folder, _show)
 
 
 def _show(step: int, values: dict[str, float]) -> None:

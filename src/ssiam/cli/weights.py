@@ -32,6 +32,7 @@ def show(*, folder: Path | None = None) -> None:
     folder
         Where to look. By default the folder of ssiam weights import, and ./weights.
     """
+    print("lite: came with the package")
     folders = loading.weight_folders() if folder is None else (folder,)
     for tracker, publication in PUBLISHED.items():
         found = [each / publication.local for each in folders]

@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from ssiam.errors import ArgumentError, SinkError
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.lite import LiteNetwork
 from ssiam.runtime.exported import OPSET, Exported
 from ssiam.runtime.files import sha256
-from ssiam.training.checkpoints import write_file
+from ssiam.training.checkpoints import read_state, write_file
+from ssiam.training.settings import TrainSettings
 
-__all__ = ["NETWORK", "WEIGHTS", "write_network"]
+__all__ = ["NETWORK", "WEIGHTS", "write_network", "write_so_far"]
 
 NETWORK: Final = "lite"  # in the record beside the pieces
 WEIGHTS: Final = "weights.pth"
@@ -39,3 +41,28 @@ def write_network(network: LiteNetwork, folder: Path) -> None:
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
     record = Exported(NETWORK, NETWORK, sha256(folder / WEIGHTS), tuple(graphs))
     record.write(folder)
+
+
+def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
+    """Write what a run has learnt up to its last checkpoint, as `write_network`; that step.
+
+    Raises
+    ------
+    ArgumentError
+        There is no run of these settings.
+    WeightsError
+        Its checkpoint is damaged.
+    SinkError, OSError
+        The folder cannot be made or written.
+    """
+    state = read_state(run, settings)
+    if state is None:
+        raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
+    network = LiteNetwork(settings.network.blocks)
+    network.load_state_dict(state["average"])
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+    write_network(network.eval(), folder)
+    return int(state["step"])

@@ -1,0 +1,91 @@
+"""The tracker that comes with the package: its weights are there, small, and track."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import ssiam
+from ssiam.errors import ArgumentError, WeightsError
+from ssiam.evaluation.overlap import iou
+from ssiam.trackers.lite import SHIPPED
+from synthetic import golden_video
+
+MOST_BYTES = 12_000_000
+
+
+def followed(tracker, name="A"):
+    """Tracks of the textured ellipse that walks over blocks, and its true boxes."""
+    frames, (x, y, w, h) = golden_video(name)
+    tracker.init(frames[0], (x, y, w, h))
+    return [tracker.update(frame) for frame in frames[1:]], frames
+
+
+def test_it_is_what_nobody_needs_to_name():
+    assert ssiam.load_tracker().config.stabilize == "predict"
+    assert ssiam.TRACKERS[0] == "lite"
+    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < MOST_BYTES
+
+
+def test_it_needs_no_torch():
+    code = (
+        "import sys; sys.modules['torch'] = sys.modules['onnx'] = None\n"
+        "import ssiam; ssiam.load_tracker(); print('loaded')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "loaded\n", done.stderr
+
+
+@pytest.mark.parametrize("stabilize", ["off", "predict"])
+def test_it_follows_with_box_mask_and_corners(stabilize):
+    tracks, frames = followed(ssiam.load_tracker(stabilize=stabilize))
+    found = np.array([track.box for track in tracks])
+    assert (np.ptp(found[:, :2], axis=0) > 20).all()
+    for track, frame in zip(tracks, frames[1:], strict=True):
+        assert track.mask.shape == frame.shape[:2]
+        assert track.corners.shape == (4, 2)
+        x, y, w, h = track.box
+        assert track.mask[round(y + h / 2), round(x + w / 2)]
+        assert not track.lost
+
+
+def test_the_runtimes_agree():
+    openvino, onnxruntime = (
+        np.array([track.box for track in followed(ssiam.load_tracker(runtime=runtime))[0]])
+        for runtime in ("openvino", "onnxruntime")
+    )
+    # Rounding grows from frame to frame.
+    assert iou(openvino[:5], onnxruntime[:5]).min() > 0.999
+
+
+def test_two_of_them_share_their_networks_and_nothing_else():
+    first = ssiam.load_tracker()
+    alone = [track.box for track in followed(first)[0]]
+    second = first.another()
+    frames, box = golden_video("A")
+    others, _ = golden_video("B")
+    first.init(frames[0], box)
+    second.init(others[0], (0, 0, 38, 52))
+    both = []
+    for frame, other in zip(frames[1:], others[1:], strict=True):
+        both.append(first.update(frame).box)
+        second.update(other)
+    assert both == alone
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        pytest.param({"runtime": "torch"}, "choose runtime openvino or onnxruntime", id="torch"),
+        pytest.param({"precision": "int8"}, "no int8 weights", id="int8"),
+    ],
+)
+def test_what_it_cannot_do_is_told(options, says):
+    with pytest.raises(ArgumentError, match=says):
+        ssiam.load_tracker(**options)
+
+
+def test_other_weights_are_refused(tmp_path):
+    with pytest.raises(WeightsError, match="there"):
+        ssiam.load_tracker("lite", weights=tmp_path / "there")
