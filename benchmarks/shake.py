@@ -31,7 +31,7 @@ from shake_run import NO_SHAKE, Run, read_runs
 from shared_data import sequences
 from ssiam.datasets.camera_paths import SHAKE_KINDS
 
-TRACKERS = ("nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt")
+TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt")
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)
 
 

@@ -41,6 +41,7 @@ _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
 _MASK_THRESHOLD: Final = 0.5
+_AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 # From benchmarks/search_parameters.py, on videos that training left out.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.3, lr=0.6)
@@ -163,17 +164,29 @@ class LiteTracker:
     def _mask(
         self, features: list[Tensor], view: FrameView, last: TargetState, side: int
     ) -> tuple[Mask | None, Points | None]:
-        """The mask in the view's pixels and its rotated box, or the upright box if it is empty."""
+        """The mask in the view's pixels, and its rotated box if that agrees with the upright one."""
         if self._networks.mask is None:
             return None, None
         (logits,) = self._networks.mask(*features)
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
         mask = pasted(logits, last.centre_xy, side, view.size_wh, margin) > _MASK_THRESHOLD
-        box = rectangle_box(mask)
         width, height = view.size_wh
-        corners = corners_from_xywh(self._state.xywh) if box is None else box - margin
+        corners = _corners(rectangle_box(mask), margin, self._state.xywh)
         return mask[margin : margin + height, margin : margin + width], corners
+
+
+def _corners(found: Points | None, margin: int, xywh: XYWH) -> Points:
+    """A rotated box in a picture with a margin, if it agrees with the upright one; else that."""
+    upright = corners_from_xywh(xywh)
+    if found is None:
+        return upright
+    turned = found - margin
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    both = np.minimum(high, upright.max(axis=0)) - np.maximum(low, upright.min(axis=0))
+    shared = float(np.prod(np.maximum(both, 0)))
+    union = float(np.prod(high - low)) + xywh[2] * xywh[3] - shared
+    return turned if shared >= _AGREE * union else upright
 
 
 def _sigmoid(logits: Tensor) -> Floats:
