@@ -164,7 +164,7 @@ class LiteTracker:
     def _mask(
         self, features: list[Tensor], view: FrameView, last: TargetState, side: int
     ) -> tuple[Mask | None, Points | None]:
-        """The mask in the view's pixels, and its rotated box if that agrees with the upright one."""
+        """The mask in the view's pixels; its rotated box if that agrees with the upright one."""
         if self._networks.mask is None:
             return None, None
         (logits,) = self._networks.mask(*features)
