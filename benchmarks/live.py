@@ -35,7 +35,7 @@ SIZE = (640, 360)
 RATE = 30
 CLIP, BOX = "shaky-5.avi", (290, 95, 175, 165)  # the red sculpture, in its own pixels
 LIMITS_MS = {50: 25, 99: 60}  # percentile of the time from frame to box
-TIMED = 300.0  # seconds from the beginning in which times count; memory counts to the end
+TIMED = 300.0  # seconds from the beginning in which the time to the box counts
 MEMORY_EVERY = 5.0  # seconds
 SETTLED = 0.1  # of the time, from which memory has to be flat
 
