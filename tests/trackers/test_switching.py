@@ -5,6 +5,7 @@ import pytest
 
 import ssiam
 from ssiam import StabilizerConfig
+from ssiam.evaluation.overlap import iou
 from ssiam.geometry import map_box
 from ssiam.trackers import SteadiedTracker, Track
 from synthetic import generator, poses, seen, world
@@ -44,10 +45,7 @@ def shaken():
 
 
 def overlap(a, b):
-    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    both = max(width, 0) * max(height, 0)
-    return both / (a[2] * a[3] + b[2] * b[3] - both)
+    return iou(np.array([a]), np.array([b]))[0]
 
 
 @pytest.mark.parametrize("before", METHODS)

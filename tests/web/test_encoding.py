@@ -11,8 +11,9 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import rigid
 from ssiam.stabilize import FrameView
 from ssiam.video import Frame
+from ssiam.web.feeds.pictures import decode_picture
 from ssiam.web.server import encoding
-from ssiam.web.server.encoding import StepPictures, decode_jpeg, encode_jpeg
+from ssiam.web.server.encoding import StepPictures, encode_jpeg
 from ssiam.web.server.messages import View
 from ssiam.web.step import Step
 from synthetic import generator, world
@@ -98,7 +99,7 @@ def jpeg_of(size_wh, **options):
 
 @pytest.mark.parametrize("options", [{}, {"IMWRITE_JPEG_PROGRESSIVE": 1}])
 def test_a_browsers_picture_is_read(options):
-    image = decode_jpeg(jpeg_of((70, 50), **options), MOST)
+    image = decode_picture(jpeg_of((70, 50), **options), MOST)
     assert image.shape == (50, 70, 3)
     assert image.dtype == np.uint8
 
@@ -130,7 +131,7 @@ USELESS = [
 @pytest.mark.parametrize("jpeg", [u[1] for u in USELESS], ids=[u[0] for u in USELESS])
 def test_what_is_no_picture_is_refused_in_one_line(jpeg):
     with pytest.raises(ArgumentError) as caught:
-        decode_jpeg(jpeg, 64 * 64)
+        decode_picture(jpeg, 64 * 64)
     assert "\n" not in str(caught.value)
 
 
@@ -143,7 +144,7 @@ def test_damaged_pictures_are_read_or_refused():
         for at in r.integers(0, len(damaged), 3):
             damaged[at if r.random() < 0.5 else at % 600] = r.integers(256)
         try:
-            assert decode_jpeg(bytes(damaged), MOST).size <= 3 * MOST
+            assert decode_picture(bytes(damaged), MOST).size <= 3 * MOST
             outcomes.add("read")
         except ArgumentError:
             outcomes.add("refused")

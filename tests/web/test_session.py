@@ -3,10 +3,12 @@
 import queue
 import threading
 
+import numpy as np
 import pytest
 from shaky_clip import SIZE, write_clip
 
 import ssiam
+from ssiam.evaluation.overlap import iou
 from ssiam.web import commands
 from ssiam.web.errors import CommandError
 from ssiam.web.feeds.feed import open_feed
@@ -64,10 +66,7 @@ class Watched:
 
 
 def overlap(a, b):
-    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    both = max(width, 0) * max(height, 0)
-    return both / (a[2] * a[3] + b[2] * b[3] - both)
+    return iou(np.array([a]), np.array([b]))[0]
 
 
 def test_a_target_is_followed_to_the_end(clip):

@@ -78,9 +78,9 @@ def open_source(spec: str | int | Path, *, raw: RawFormat | None = None) -> Sour
     if isinstance(spec, int):
         return open_camera(spec)
     text = str(spec)
-    camera = _CAMERA.fullmatch(text)
+    camera = camera_number(text)
     if camera is not None:
-        return open_camera(int(camera[1]))
+        return open_camera(camera)
     if text == STDIN:
         return _open_stdin(raw)
     if is_address(text) and not text.lower().startswith("file://"):
@@ -88,6 +88,12 @@ def open_source(spec: str | int | Path, *, raw: RawFormat | None = None) -> Sour
     if is_address(text):
         text = unquote(urlsplit(text).path)
     return _open_path(text, raw)
+
+
+def camera_number(spec: str) -> int | None:
+    """Which camera `spec` names, a number from 0 or ``/dev/video0``; None for what is none."""
+    camera = _CAMERA.fullmatch(spec)
+    return None if camera is None else int(camera[1])
 
 
 def _open_stdin(raw: RawFormat | None) -> Source:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from functools import partial
 from typing import Literal, Protocol
 
 from ssiam.video import Source, open_source
 from ssiam.video.addresses import is_address, open_address, public_name
-from ssiam.video.sources import STDIN
+from ssiam.video.sources import STDIN, camera_number
 from ssiam.web.errors import Note
 from ssiam.web.feeds.newest import Arrival, FeedState
 from ssiam.web.feeds.pacing import PacedFeed
@@ -130,12 +129,8 @@ def _open(spec: str) -> Source:
 def _is_live(spec: str, source: Source) -> bool:
     """Whether it goes on without us; files and pipes wait."""
     if not _is_remote(spec):
-        return _is_camera(spec)
+        return camera_number(spec) is not None
     return source.length is None or _scheme(spec) in _STREAMING
-
-
-def _is_camera(spec: str) -> bool:
-    return re.fullmatch(r"(?:/dev/video)?[0-9]{1,3}", spec) is not None
 
 
 def _is_remote(spec: str) -> bool:

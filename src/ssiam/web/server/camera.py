@@ -6,7 +6,7 @@ import asyncio
 from concurrent.futures import Executor
 
 from ssiam.web.errors import CommandError
-from ssiam.web.server.encoding import decode_jpeg
+from ssiam.web.feeds.pictures import decode_picture
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.session import Session
 
@@ -52,4 +52,4 @@ class BrowserCamera:
             self._owner = None
 
     def _push(self, jpeg: bytes) -> None:
-        self._session.push(decode_jpeg(jpeg, self._limits.picture_pixels))
+        self._session.push(decode_picture(jpeg, self._limits.picture_pixels))

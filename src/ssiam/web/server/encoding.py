@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import struct
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from functools import cached_property
-from typing import Final, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import cv2
 import numpy as np
 
-from ssiam.errors import ArgumentError
 from ssiam.geometry import Image
 from ssiam.stabilize import FrameView
 from ssiam.web.server.messages import View
 from ssiam.web.step import Step
 
 ViewName: TypeAlias = Literal["raw", "steadied"]
-
-# Markers of JPEG files without a length, and those of frames, which hold width and height.
-_ALONE: Final = frozenset({0x01, *range(0xD0, 0xD8)})
-_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 class StepPictures:
@@ -77,40 +71,3 @@ def encode_jpeg(image: Image, width: int, quality: int) -> bytes:
         image = np.asarray(cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return jpeg.tobytes()
-
-
-def decode_jpeg(jpeg: bytes, most_pixels: int) -> Image:
-    """A browser's picture as (H, W, 3) uint8 BGR.
-
-    Raises
-    ------
-    ArgumentError
-        It is no JPEG, is damaged, or has more pixels than `most_pixels`.
-    """
-    width, height = _size_wh(jpeg)
-    # A file of a few bytes may claim to be of gigabytes.
-    if not 0 < width * height <= most_pixels:
-        raise ArgumentError(
-            f"a picture of {width}x{height} pixels cannot be used: send one of 1 to {most_pixels}"
-        )
-    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise ArgumentError("the picture is damaged: send a whole JPEG")
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _size_wh(jpeg: bytes) -> tuple[int, int]:
-    """Width and height that the header of a JPEG file claims."""
-    at = 2
-    while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
-        marker = jpeg[at + 1]
-        if marker in _FRAMES:
-            height, width = struct.unpack_from(">HH", jpeg, at + 5)
-            return width, height
-        if marker == 0xFF:
-            at += 1
-        elif marker in _ALONE:
-            at += 2
-        else:
-            at += 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
-    raise ArgumentError("this is no JPEG picture: send one that begins with its header")
