@@ -9,13 +9,13 @@ from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError
 from ssiam.exchange import ExportKind, read_annotations, write_exports
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.layouts import Row
+from ssiam.web.backlog import Backlog
 from ssiam.web.step import Step
 
 _log = logging.getLogger(__name__)
@@ -28,7 +28,6 @@ _EXPORTS: Final[dict[str, ExportKind]] = {
     "got10k.zip": "got10k",
 }
 FILES: Final = (_VIDEO, *_TABLES, *_EXPORTS)
-_WAITING: Final = 60  # steps that may wait for the disk; more are left out
 _LONGEST: Final = 30 * 60 * 60  # frames: an hour at 30 a second
 
 
@@ -62,10 +61,9 @@ class Recorder:
         self.is_open = True
         self._fps, self._changed = Fraction(fps or 30).limit_denominator(1001), changed
         self._frames, self._seconds = 0, 0.0
-        self._taken: int | None = None  # index of the frame that was taken last
         self._names: dict[int, str] = {}
         self._size_wh = (0, 0)
-        self._queue: SimpleQueue[Step | None] = SimpleQueue()
+        self._backlog = Backlog()
         with ExitStack() as stack:
             self._video = stack.enter_context(VideoSink(folder / _VIDEO, self._fps))
             self._tables: list[ResultSink] = [
@@ -80,15 +78,13 @@ class Recorder:
         if not self.is_open or self._frames >= _LONGEST:
             self.end()
             return False
-        if self._queue.qsize() < _WAITING:
-            self._queue.put(step)
-        else:
+        if not self._backlog.add(step):
             _log.warning("recording %s: a frame is left out, the disk is too slow", self.name)
         return True
 
     def end(self) -> None:
         """Let the thread finish what it has."""
-        self._queue.put(None)
+        self._backlog.end()
 
     def join(self) -> None:
         """Wait until everything is written."""
@@ -108,7 +104,7 @@ class Recorder:
     def _run(self) -> None:
         try:
             with self._sinks:
-                while (step := self._queue.get()) is not None:
+                for step in self._backlog:
                     self._add(step)
             self._export()
         except SsiamError as error:
@@ -118,9 +114,6 @@ class Recorder:
 
     def _add(self, step: Step) -> None:
         frame, targets = step.frame, step.targets
-        if self._taken == frame.index:
-            return
-        self._taken = frame.index
         height, width = frame.image.shape[:2]
         self._size_wh = (width, height)
         tracks = [target.track for target in targets]

@@ -5,17 +5,14 @@ from __future__ import annotations
 import logging
 import threading
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Final
 
 from ssiam.errors import SinkError
 from ssiam.exchange import RerunLog
+from ssiam.web.backlog import Backlog
 from ssiam.web.session import Session
 from ssiam.web.step import Step
 
 _log = logging.getLogger(__name__)
-
-_WAITING: Final = 60  # steps that may wait for the disk; more are left out
 
 
 class RerunTap:
@@ -37,16 +34,15 @@ class RerunTap:
 
     def __init__(self, session: Session, path: Path) -> None:
         self._sink = RerunLog(path)
-        self._steps: SimpleQueue[Step | None] = SimpleQueue()
-        self._taken: Step | None = None
+        self._backlog = Backlog()
         self._thread = threading.Thread(target=self._run, name="ssiam-rerun", daemon=True)
         self._thread.start()
-        self._unlisten = session.listen(self._take)
+        self._unlisten = session.listen(self._backlog.add)
 
     def close(self) -> None:
         """Finish the file. May be called twice."""
         self._unlisten()
-        self._steps.put(None)
+        self._backlog.end()
         self._thread.join()
 
     def __enter__(self) -> RerunTap:
@@ -55,17 +51,10 @@ class RerunTap:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _take(self, step: Step) -> None:
-        if self._taken is not None and self._taken.frame is step.frame:
-            return
-        self._taken = step
-        if self._steps.qsize() < _WAITING:
-            self._steps.put(step)
-
     def _run(self) -> None:
         try:
             with self._sink as log:
-                while (step := self._steps.get()) is not None:
+                for step in self._backlog:
                     self._write(log, step)
         except SinkError as error:
             _log.error("%s", error)

@@ -14,9 +14,9 @@ class Rota(Generic[News]):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._listeners: tuple[Callable[[News], None], ...] = ()
+        self._listeners: tuple[Callable[[News], object], ...] = ()
 
-    def add(self, listener: Callable[[News], None]) -> Callable[[], None]:
+    def add(self, listener: Callable[[News], object]) -> Callable[[], None]:
         """Call `listener` with all news from now on; what is returned ends it."""
         with self._lock:
             self._listeners = (*self._listeners, listener)

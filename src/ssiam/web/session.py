@@ -114,7 +114,7 @@ class Session:
         self._asked.put((command, answer))
         return answer
 
-    def listen(self, listener: Callable[[Step], None]) -> Callable[[], None]:
+    def listen(self, listener: Callable[[Step], object]) -> Callable[[], None]:
         """Call `listener` after each step, on the session's thread; what is returned ends it."""
         return self._steps.add(listener)
 
