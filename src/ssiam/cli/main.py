@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import NoReturn
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Group
 
 from ssiam.errors import SsiamError, StreamError
 
@@ -27,24 +27,35 @@ app = App(
     suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
-app.command("ssiam.cli.track:track", name="track")
-app.command("ssiam.cli.live:live", name="live")
-app.command("ssiam.cli.export:export", name="export")
-app.command("ssiam.cli.bench:bench", name="bench")
-app.command("ssiam.cli.eval:evaluate", name="eval")
-app.command("ssiam.cli.tables:tables", name="tables")
-app.command("ssiam.cli.tune:tune", name="tune")
-app.command("ssiam.cli.train:train", name="train")
-app.command("ssiam.cli.trax:trax", name="trax")
-app.command("ssiam.cli.weights:weights", name="weights")
-app.command("ssiam.cli.vot_workspace:vot_workspace", name="vot-workspace")
+_COMMANDS = {
+    "Follow targets": ("track:track", "live:live", "export:export"),
+    "Measure trackers": (
+        "bench:bench",
+        "eval:evaluate",
+        "tables:tables",
+        "tune:tune",
+        "trax:trax",
+        "vot_workspace:vot_workspace",
+    ),
+    "Networks": ("train:train", "weights:weights"),
+}
+_OPTIONS = Group("Options", sort_key=len(_COMMANDS))
+app["--help"].group = app["--version"].group = _OPTIONS
+for place, (title, functions) in enumerate(_COMMANDS.items()):
+    group = Group(title, sort_key=place)
+    for order, function in enumerate(functions):
+        name = function.partition(":")[0].replace("_", "-")
+        app.command(f"ssiam.cli.{function}", name=name, group=group, sort_key=order)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0].startswith("-"):
+        app.resolved_commands()  # the overview shows a line of each command's own help
     try:
-        app(list(sys.argv[1:] if arguments is None else arguments))
+        app(words)
     except CycloptsError as error:
         return _complain(f"{error} See ssiam --help.", USAGE_ERROR)
     except StreamError as error:
