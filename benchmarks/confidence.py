@@ -21,7 +21,7 @@ import ssiam
 from shared_data import WEIGHTS, sequences
 from splice import Splice
 from splices import splices
-from ssiam.evaluation.overlap import iou
+from ssiam.geometry import iou
 
 TRACKERS = "nanotrack_v1,nanotrack_v2,nanotrack_v3,kcf,csrt"
 SHAKES = (0.0, 0.02)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splice import Floats, Splice
-from ssiam.evaluation.overlap import iou
+from ssiam.geometry import iou
 
 TRACKED = 0.5  # IoU
 BEFORE = 5  # last frames before the target goes, whose median tells if it is tracked

@@ -19,8 +19,8 @@ import numpy as np
 
 from shared_data import VIDEOS, WEIGHTS, sequences
 from ssiam.datasets import Sequence
-from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.success import success
+from ssiam.geometry import iou
 
 SEQUENCES = ("Couple", "Jumping", "bag_vot2015", "dtb70_MountainBike6")
 TRACKERS = ("csrt", "kcf", "nanotrack_v2", "nanotrack_v3")

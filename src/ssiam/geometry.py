@@ -1,4 +1,4 @@
-"""Boxes, corners and masks, and their way through 3×3 transforms.
+"""Boxes, corners and masks, their overlap, and their way through 3×3 transforms.
 
 One convention for the whole package: pixels, x right, y down, 0-based; angles in radians,
 positive = clockwise on screen (x towards y). A transform is a (3, 3) float64 array named
@@ -135,6 +135,17 @@ def area_preserving_xywh(corners: ArrayLike) -> XYWH:
     shrink = np.sqrt(area / (span_w * span_h))
     w, h = shrink * span_w + 1, shrink * span_h + 1
     return float(cx - (w - 1) / 2), float(cy - (h - 1) / 2), float(w), float(h)
+
+
+def iou(xywh: ArrayLike, other: ArrayLike) -> Points:
+    """Intersection over union (...) of boxes (..., 4) by area; nan where a box is not known."""
+    a, b = np.asarray(xywh, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    low = np.maximum(a[..., :2], b[..., :2])
+    high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
+    shared = np.maximum(high - low, 0).prod(axis=-1)
+    area, other_area = (np.maximum(box[..., 2:], 0).prod(axis=-1) for box in (a, b))
+    union = area + other_area - shared
+    return np.asarray(shared / np.where(union == 0, 1, union))
 
 
 def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:

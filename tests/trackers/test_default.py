@@ -8,7 +8,7 @@ import pytest
 
 import ssiam
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.evaluation.overlap import iou
+from ssiam.geometry import iou
 from ssiam.trackers.lite import SHIPPED
 from synthetic import golden_video
 

@@ -5,8 +5,7 @@ import pytest
 
 import ssiam
 from ssiam import StabilizerConfig
-from ssiam.evaluation.overlap import iou
-from ssiam.geometry import map_box
+from ssiam.geometry import iou, map_box
 from ssiam.trackers import SteadiedTracker, Track
 from synthetic import generator, poses, seen, world
 

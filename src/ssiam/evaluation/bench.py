@@ -17,12 +17,12 @@ from ssiam.errors import SsiamError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.layouts import otb_path, read_vot, vot_path, write_boxes, write_vot
 from ssiam.evaluation.lines import write_lines
-from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.parallel import in_parallel
 from ssiam.evaluation.protocols import EXPERIMENTS, ProtocolName, run
 from ssiam.evaluation.regions import upright
 from ssiam.evaluation.shaken_results import shaken_folder, write_shake
 from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.geometry import iou
 from ssiam.trackers import SteadiedTracker
 
 _LOADED: Final = 2  # trackers that a process keeps; tasks come tracker by tracker

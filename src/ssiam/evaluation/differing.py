@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from ssiam.datasets import Sequence
-from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import upright
 from ssiam.evaluation.summaries import Summaries, Summary
 from ssiam.evaluation.tracked import TrackedSequence
+from ssiam.geometry import iou
 from ssiam.stabilize import StabilizerConfig
 
 # Frames that are shown, and the share of the sequence that lies between two of them at least.

@@ -88,17 +88,6 @@ def toolkit_overlap(regions: ArrayLike, truth: ArrayLike, bounds: tuple[int, int
     return overlap
 
 
-def iou(xywh: ArrayLike, other: ArrayLike) -> Floats:
-    """Intersection over union (N,) of boxes (N, 4) by area; nan where a box is not known."""
-    a, b = np.asarray(xywh, dtype=np.float64), np.asarray(other, dtype=np.float64)
-    low = np.maximum(a[:, :2], b[:, :2])
-    high = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
-    shared = np.maximum(high - low, 0).prod(axis=1)
-    sizes = (np.maximum(box[:, 2:], 0).prod(axis=1) for box in (a, b))
-    union = sum(sizes) - shared
-    return np.asarray(np.divide(shared, union, out=shared * 0, where=union > 0))
-
-
 def centre_distance(xywh: ArrayLike, other: ArrayLike, *, in_sizes: bool = False) -> Floats:
     """Distance (N,) of the centres of boxes (N, 4), pixels; nan where a box is not known.
 

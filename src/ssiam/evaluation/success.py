@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.eao import mean_or_nan
-from ssiam.evaluation.overlap import centre_distance, iou
+from ssiam.evaluation.overlap import centre_distance
 from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import is_region
+from ssiam.geometry import iou
 
 # Overlaps 0, .05, ... 1 at which success is asked for (OTB).
 THRESHOLDS: Floats = np.linspace(0, 1, 21)

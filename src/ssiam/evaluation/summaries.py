@@ -11,13 +11,13 @@ import numpy as np
 
 from ssiam.datasets import Sequence
 from ssiam.evaluation.eao import mean_or_nan
-from ssiam.evaluation.overlap import iou
 from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import upright
 from ssiam.evaluation.scores import Scores
 from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.evaluation.tracked import TrackedSequence
 from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.geometry import iou
 from ssiam.stabilize import StabilizerConfig
 
 

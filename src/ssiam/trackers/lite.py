@@ -14,7 +14,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, Points, corners_from_xywh
+from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corners
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence
@@ -182,11 +182,8 @@ def _corners(found: Points | None, margin: int, xywh: XYWH) -> Points:
     if found is None:
         return upright
     turned = found - margin
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    both = np.minimum(high, upright.max(axis=0)) - np.maximum(low, upright.min(axis=0))
-    shared = float(np.prod(np.maximum(both, 0)))
-    union = float(np.prod(high - low)) + xywh[2] * xywh[3] - shared
-    return turned if shared >= _AGREE * union else upright
+    agree = iou(xywh_from_corners(turned), xywh) >= _AGREE
+    return turned if agree else upright
 
 
 def _sigmoid(logits: Tensor) -> Floats:

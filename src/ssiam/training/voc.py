@@ -14,7 +14,7 @@ import numpy as np
 
 from ssiam.datasets import DatasetError
 from ssiam.datasets.files import read_text
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, iou
 from ssiam.training.clips import Clip
 from ssiam.training.folders import by_stem, files_below, first_folder, stem_in
 from ssiam.training.skipping import Skipped
@@ -112,16 +112,7 @@ def _runs(alone: list[tuple[Path, NamedBox]]) -> list[list[tuple[Path, NamedBox]
 
 
 def _follows(before: NamedBox, after: NamedBox) -> bool:
-    return before[0] == after[0] and _overlap(before[1], after[1]) > _FOLLOWS
-
-
-def _overlap(xywh: XYWH, other: XYWH) -> float:
-    x, y, w, h = xywh
-    other_x, other_y, other_w, other_h = other
-    across = min(x + w, other_x + other_w) - max(x, other_x)
-    down = min(y + h, other_y + other_h) - max(y, other_y)
-    shared = max(across, 0) * max(down, 0)
-    return shared / (w * h + other_w * other_h - shared)
+    return before[0] == after[0] and float(iou(before[1], after[1])) > _FOLLOWS
 
 
 def _clip(run: list[tuple[Path, NamedBox]]) -> Clip:
