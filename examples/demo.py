@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ssiam
-from ssiam.evaluation.overlap import iou
+from ssiam.geometry import iou
 from ssiam.video import PathPlot, VideoSink, draw_tracks, open_source, side_by_side
 
 HERE = Path(__file__).resolve().parent
