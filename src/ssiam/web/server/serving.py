@@ -23,9 +23,10 @@ except ModuleNotFoundError as error:
 
 from ssiam.web.server.app import create_app
 from ssiam.web.server.clients import Clients
-from ssiam.web.server.connections import HttpConnection, SocketConnection, Watch, WatchedConfig
+from ssiam.web.server.connections import HttpConnection, SocketConnection
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.listening import ServerError, access_to, listen, page_address
+from ssiam.web.server.watch import Watch, WatchedConfig
 from ssiam.web.session import Session
 
 DEFAULT_PORT: Final = 8765

@@ -1,4 +1,4 @@
-"""A browser on the page of a real session, and a shaking clip whose truth is known."""
+"""A browser on the page of a real session."""
 
 from __future__ import annotations
 
@@ -7,25 +7,18 @@ import shutil
 import time
 from contextlib import contextmanager
 
-import cv2
 import numpy as np
 import pytest
+from walking_clip import SIZE
 
 import ssiam
-from ssiam.geometry import map_box
-from ssiam.video import VideoSink
 from ssiam.web import commands
+from ssiam.web.feeds.feed import open_feed
 from ssiam.web.recording import Recordings
 from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
-from synthetic import generator, poses, seen, world
 
-SIZE = (320, 240)
-RATE = 10  # frames a second: slow machines keep up
-WALKER, STANDER = (44, 40), (40, 44)  # width, height
 SECONDS = 20  # after which a test gives up
-
-_STANDS = (220, 150)
 _WATCH = """
 () => ({
   step: window.ssiamLive?.step ?? null,
@@ -44,39 +37,6 @@ _PIXELS = """
 """
 
 
-def write_shaking_clip(path, count, hidden=range(0)):
-    """A patch that walks and one that stands; {"walker", "stander"}: their boxes, frame by frame.
-
-    In the frames `hidden` the walker is not there.
-    """
-    r = generator(8)
-    background = world(8, SIZE)
-    walker, stander = (
-        cv2.resize(r.integers(0, 256, (5, 6, 3), np.uint8), s) for s in (WALKER, STANDER)
-    )
-    paste(background, stander, _STANDS)
-    waves = [
-        (5 * np.sin(0.9 * k), 4 * np.cos(0.7 * k), 0.008 * np.sin(0.5 * k)) for k in range(count)
-    ]
-    boxes = {"walker": [], "stander": []}
-    with VideoSink(path, RATE) as sink:
-        for index, pose in enumerate(poses(waves, SIZE)):
-            place = 60 + min(index, 140), 60 + index // 6
-            scene = background.copy()
-            if index not in hidden:
-                paste(scene, walker, place)
-            sink.write(seen(scene, pose))
-            boxes["walker"].append(map_box(pose, (*place, *WALKER)))
-            boxes["stander"].append(map_box(pose, (*_STANDS, *STANDER)))
-    return boxes
-
-
-def paste(scene, patch, place):
-    """Lay a patch into a scene, its upper left corner at `place`."""
-    (x, y), (height, width) = place, patch.shape[:2]
-    scene[y : y + height, x : x + width] = patch
-
-
 @contextmanager
 def launched(*arguments):
     """A headless Chromium; skips the test where there is none."""
@@ -89,6 +49,11 @@ def launched(*arguments):
         browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox", *arguments])
         yield browser
         browser.close()
+
+
+def a_feed(clip):
+    """Of a clip that is given as its path and the truth in it."""
+    return open_feed(str(clip[0]), notes=lambda note: None)
 
 
 @contextmanager
@@ -188,8 +153,3 @@ class Visitor:
         rgb = np.array(pixels).reshape(-1, 4)[:, :3]
         wanted = [int(colour[at : at + 2], 16) for at in (1, 3, 5)]
         return bool((np.abs(rgb - wanted).max(axis=1) < 12).any())
-
-
-def distance(a, b):
-    """Between the centres of two boxes, pixels."""
-    return float(np.hypot(a[0] + a[2] / 2 - b[0] - b[2] / 2, a[1] + a[3] / 2 - b[1] - b[3] / 2))

@@ -1,14 +1,10 @@
-"""Who is let in, and where the server listens."""
+"""Who is let in."""
 
 import asyncio
-import re
-import socket
-from contextlib import closing
 
 import pytest
 
 from ssiam.web.server.guard import Access, Guard
-from ssiam.web.server.listening import ServerError, access_to, listen, page_address
 
 PORT = 8765
 TOKEN = "s3cret-token"
@@ -167,63 +163,3 @@ def test_every_answer_tells_browsers_to_be_careful(host):
     assert headers[b"x-content-type-options"] == b"nosniff"
     assert headers[b"referrer-policy"] == b"no-referrer"
     assert headers[b"cache-control"] == b"no-store"
-
-
-LISTENERS = [
-    # host, whether a token is asked for, needed at last, names
-    ("127.0.0.1", False, False, {"127.0.0.1", "localhost", "::1"}),
-    ("localhost", False, False, {"localhost"}),
-    ("127.0.0.2", False, False, {"127.0.0.2"}),
-    ("127.0.0.1", True, True, {"127.0.0.1"}),
-    ("0.0.0.0", False, True, {socket.gethostname().lower()}),
-]
-
-
-@pytest.mark.parametrize(("host", "wanted", "needed", "names"), LISTENERS)
-def test_only_the_loopback_needs_no_token(host, wanted, needed, names):
-    with closing(listen(host, 0)) as listener:
-        access = access_to(listener, host, needs_token=wanted)
-        assert access.port == listener.getsockname()[1]
-        assert (access.token is not None) == needed
-        assert names <= access.names
-        assert access.any_address == (host == "0.0.0.0")
-        address = page_address(listener, access)
-    pattern = rf"http://[\w.\[\]:]+:{access.port}/(#token=[\w-]{{43}})?"
-    assert re.fullmatch(pattern, address)
-    assert ("#token=" in address) == needed
-    assert "0.0.0.0" not in address
-
-
-@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no addresses of version 6")
-@pytest.mark.parametrize(("host", "needed"), [("::1", False), ("::", True)])
-def test_addresses_of_version_6_are_as_good(host, needed):
-    with closing(listen(host, 0)) as listener:
-        access = access_to(listener, host, needs_token=False)
-        assert (access.token is not None) == needed
-        assert access.knows(f"[::1]:{access.port}")
-        assert access.knows(f"[2001:db8::7]:{access.port}") == needed
-        assert "[::]" not in page_address(listener, access)
-
-
-def test_tokens_are_never_the_same():
-    with closing(listen("127.0.0.1", 0)) as listener:
-        tokens = {access_to(listener, "x", needs_token=True).token for _ in range(3)}
-    assert len(tokens) == 3
-
-
-def test_a_taken_port_is_named_in_one_line():
-    with closing(listen("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-        with pytest.raises(ServerError, match=rf"127\.0\.0\.1, port {port} .*--port") as caught:
-            listen("127.0.0.1", port)
-    assert "\n" not in str(caught.value)
-
-
-PLACES = [("203.0.113.9", 0), ("no such name", 0), ("x" * 300, 0), ("127.0.0.1", 65536)]
-
-
-@pytest.mark.parametrize(("host", "port"), PLACES, ids=["elsewhere", "no name", "long", "port"])
-def test_where_nobody_can_listen_is_named_in_one_line(host, port):
-    with pytest.raises(ServerError) as caught:
-        listen(host, port)
-    assert "\n" not in str(caught.value)

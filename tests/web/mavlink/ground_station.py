@@ -7,6 +7,16 @@ from pymavlink.dialects.v20 import common as mavlink
 
 SECONDS = 10  # after which a test gives up
 HERE = "127.0.0.1"
+# Results of commands, MAV_RESULT.
+ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = range(5)
+# Commands and messages of a camera that tracks.
+RECTANGLE, POINT = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_CAMERA_TRACK_POINT
+STOP, INTERVAL = mavlink.MAV_CMD_CAMERA_STOP_TRACKING, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
+STATUS = mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS
+INFORMATION = mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION
+# What it says of its target, CAMERA_TRACKING_STATUS_FLAGS.
+IDLE, ACTIVE, ERROR = 0, 1, 2
 
 
 class GroundStation:

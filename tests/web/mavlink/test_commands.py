@@ -3,41 +3,25 @@
 import math
 
 import pytest
-from ground_station import GroundStation, command_long
+from ground_station import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    IDLE,
+    INFORMATION,
+    INTERVAL,
+    LATER,
+    POINT,
+    RECTANGLE,
+    REQUEST,
+    STATUS,
+    UNSUPPORTED,
+    command_long,
+)
 from pymavlink.dialects.v20 import common as mavlink
-from scripted_session import ScriptedSession
 
 from ssiam.web.commands import Add, Remove
 from ssiam.web.mavlink.camera import MavlinkCamera
-
-ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = range(5)
-RECTANGLE, POINT = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_CAMERA_TRACK_POINT
-INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
-STATUS = mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS
-INFORMATION = mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION
-IDLE = mavlink.CAMERA_TRACKING_STATUS_FLAGS_IDLE
-
-
-@pytest.fixture
-def session():
-    with ScriptedSession() as session:
-        yield session
-
-
-@pytest.fixture
-def station():
-    with GroundStation() as station:
-        yield station
-
-
-@pytest.fixture
-def flying(session, station):
-    """A session with one step, watched by a station."""
-    with MavlinkCamera(session, station.address):
-        session.step()
-        assert station.status().tracking_status == IDLE
-        yield session, station
-
 
 NAN = math.nan
 WRONG = [

@@ -1,0 +1,89 @@
+"""Who sends what must not be sent is sent away, and changes nothing."""
+
+import json
+from contextlib import closing
+
+import pytest
+from live_clients import Client, Watcher
+from live_server import serving, until
+from message_fuzz import fuzzed
+from raw_sockets import frame, opened, read_code
+
+from ssiam.web import commands
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.messages import BadMessage, Shown, View, parse_message
+from synthetic import generator
+
+PATIENT = ServerLimits(bad_messages=10**6, messages_a_second=10**6, burst=10**6)
+FRAMES = [
+    # name, what is sent, what it is closed with
+    ("large text", frame(1, b'"' + b"x" * 65_536), 1009),
+    ("claims to be huge", frame(1, b"", length=2**62), 1009),
+    ("large in parts", frame(1, b"x" * 40_000, first=0) + frame(0, b"x" * 40_000), 1009),
+    ("binary", frame(2, b"\xff\xd8"), 1008),
+    ("large binary", frame(2, bytes(70_000)), 1009),
+    ("no UTF-8", frame(1, b"\xff\xfe"), 1007),
+    ("no mask", frame(1, b"{}", masked=False), 1002),
+    ("compressed", frame(1, b"{}", first=0xC0), 1002),
+    ("unknown opcode", frame(3, b"{}"), 1002),
+    ("long ping", frame(9, bytes(126)), 1002),
+    ("part of nothing", frame(0, b"{}"), 1002),
+    ("too many that are bad", frame(1, b"{") * 20, 1008),
+    ("too many", frame(1, b'{"type":"shown","number":1}') * 600, 1008),
+    ("bad close", frame(8, b"\x00"), 1002),
+]
+
+
+@pytest.mark.parametrize(("sent", "code"), [f[1:] for f in FRAMES], ids=[f[0] for f in FRAMES])
+def test_a_client_that_sends_what_it_must_not_is_sent_away(live, sent, code):
+    with closing(opened(live)) as raw:
+        raw.sendall(sent)
+        assert read_code(raw) == code
+
+
+def test_a_text_of_the_largest_size_is_read(live):
+    with Client(live) as client:
+        client.socket.send(json.dumps({"type": "view", "ask": 7, "x": ""}).ljust(65_536))
+        assert client.next("error")["code"] == "bad-message"
+        client.socket.send(
+            b" " * 0 + json.dumps({"type": "hold"}).rjust(65_537).encode(), text=True
+        )
+        assert client.close_code() == 1009
+
+
+def is_harmless(text):
+    """Whether the session goes on as it was: the good client does not wait for a paused one."""
+    try:
+        content = parse_message(text).content
+    except BadMessage:
+        return True
+    return isinstance(content, (Shown, View, commands.Remove, commands.Rename, commands.Hold))
+
+
+def test_thousands_of_bad_messages_change_nothing():
+    texts = [text for text in fuzzed(seed=21, count=3000) if is_harmless(text)]
+    assert len(texts) > 2000
+    with serving(limits=PATIENT) as live:
+        watcher = Watcher(live)
+        with watcher.undisturbed(), Client(live) as client:
+            for number, text in enumerate(texts):
+                client.socket.send(text)
+                if number % 50 == 0:  # who does not read is sent away
+                    client.ask(type="view")
+            assert client.ask(type="steady", method="off")["type"] == "done"
+            assert client.next("step")[0]["stabilize"] == "off"
+        watcher.close()
+
+
+def test_noise_on_many_sockets_changes_nothing(live):
+    r = generator(22)
+    for _ in range(60):
+        with closing(opened(live)) as raw:
+            for _ in range(20):
+                opcode, payload = int(r.integers(16)), r.bytes(int(r.integers(200)))
+                first = int(r.choice([0x80, 0x80, 0, 0xF0]))
+                try:
+                    raw.sendall(frame(opcode, payload, first=first))
+                except (BrokenPipeError, ConnectionResetError):
+                    break
+        until(lambda: live.clients < 4)

@@ -1,0 +1,80 @@
+"""Frames come at the feed's pace or the taker's, and of those that wait the newest."""
+
+from __future__ import annotations
+
+import time
+from fractions import Fraction
+
+import cv2
+import pytest
+from clips import number_in, picture, write_clip
+from feed_servers import file_server
+from opened_feeds import SOON, indices, numbers, opened, rest, wait_for
+
+
+def _folder(path):
+    path.mkdir()
+    for number in range(30):
+        cv2.imwrite(str(path / f"{number}.png"), picture(number))
+    return path
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_at_the_takers_pace_every_frame_comes(tmp_path, clip, kind):
+    spec = clip if kind == "file" else _folder(tmp_path / "folder")
+    with opened(spec, pace="fast") as (feed, notes):
+        assert (feed.name, feed.size_wh, feed.length) == (str(spec), (160, 96), 30)
+        assert feed.fps == (50 if kind == "file" else 30)
+        assert feed.seekable
+        arrivals = rest(feed)
+        assert numbers(arrivals) == indices(arrivals) == list(range(30))
+        assert (feed.dropped, feed.state, feed.take(0), notes) == (0, "ended", None, [])
+
+
+def test_at_its_own_pace_no_frame_comes_early(tmp_path):
+    seconds = [0, 0.02, 0.04, 0.2, 0.22, 0.5]
+    spec = write_clip(tmp_path / "vfr.mp4", 6, rate=Fraction(50), seconds=seconds)
+    began = time.monotonic()
+    with opened(spec) as (feed, _):
+        arrivals = rest(feed)
+    for arrival in arrivals:
+        assert arrival.arrived >= began + arrival.frame.time
+    assert arrivals[-1].frame.index == 5
+
+
+def test_whoever_is_slow_gets_the_newest_and_the_rest_is_counted(clip):
+    with opened(clip) as (feed, _):
+        first = feed.take(SOON)
+        wait_for(lambda: feed.dropped >= 5)
+        second = feed.take(SOON)
+        assert second.frame.index - first.frame.index > 5
+        assert number_in(second.frame.image) == second.frame.index
+        taken = [first, second, *rest(feed)]
+        assert len(taken) + feed.dropped == 30
+        assert taken[-1].frame.index == 29
+
+
+def test_nobody_takes_and_the_last_frame_is_kept(clip):
+    with opened(clip) as (feed, _):
+        wait_for(lambda: feed.dropped == 29)
+        assert feed.state == "playing"
+        assert feed.take(SOON).frame.index == 29
+        wait_for(lambda: feed.state == "ended")
+
+
+def test_segments_are_played_at_their_pace(tmp_path):
+    playlist = write_clip(
+        tmp_path / "live.m3u8",
+        30,
+        rate=Fraction(50),
+        options={"hls_time": "0.2", "hls_list_size": "0"},
+        codec_options={"g": "10"},
+    )
+    # Without its last line it is the playlist of a stream that goes on.
+    playlist.write_text(playlist.read_text().replace("#EXT-X-ENDLIST\n", ""))
+    began = time.monotonic()
+    with file_server(tmp_path) as address, opened(f"{address}/live.m3u8") as (feed, _):
+        arrivals = [feed.take(SOON) for _ in range(8)]
+        for arrival in arrivals:
+            assert arrival.arrived >= began + arrival.frame.time
+        assert feed.length is None

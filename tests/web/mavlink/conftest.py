@@ -1,0 +1,26 @@
+import pytest
+from ground_station import IDLE, GroundStation
+from scripted_session import ScriptedSession
+
+from ssiam.web.mavlink.camera import MavlinkCamera
+
+
+@pytest.fixture
+def session():
+    with ScriptedSession() as session:
+        yield session
+
+
+@pytest.fixture
+def station():
+    with GroundStation() as station:
+        yield station
+
+
+@pytest.fixture
+def flying(session, station):
+    """A session with one step, watched by a station."""
+    with MavlinkCamera(session, station.address):
+        session.step()
+        assert station.status().tracking_status == IDLE
+        yield session, station

@@ -1,0 +1,55 @@
+"""What a camera says of itself."""
+
+import math
+
+import pytest
+from ground_station import ACCEPTED, INFORMATION, REQUEST
+from pymavlink.dialects.v20 import common as mavlink
+from scripted_session import SIZE
+
+from ssiam.web.mavlink.camera import MavlinkCamera
+
+
+def test_heartbeats_of_a_camera(session, station):
+    with MavlinkCamera(session, station.address, system=7):
+        beats = [station.until("HEARTBEAT") for _ in range(2)]
+    for beat in beats:
+        assert (beat.get_srcSystem(), beat.get_srcComponent()) == (7, mavlink.MAV_COMP_ID_CAMERA)
+        assert beat.type == mavlink.MAV_TYPE_CAMERA
+        assert beat.autopilot == mavlink.MAV_AUTOPILOT_INVALID
+        assert beat.get_msgbuf()[0] == 0xFD  # MAVLink 2
+
+
+ASKED_ABOUT = [
+    ("by its number", REQUEST, (INFORMATION,)),
+    ("as of old", mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION, (1,)),
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "params"), [a[1:] for a in ASKED_ABOUT], ids=[a[0] for a in ASKED_ABOUT]
+)
+def test_information_tells_size_name_and_what_it_can(flying, command, params):
+    _, station = flying
+    assert station.ask(command, *params) == ACCEPTED
+    told = station.until("CAMERA_INFORMATION")
+    assert (told.resolution_h, told.resolution_v) == SIZE
+    assert bytes(told.vendor_name).rstrip(b"\0") == bytes(told.model_name).rstrip(b"\0") == b"ssiam"
+    assert told.flags == (
+        mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_POINT
+        | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_RECTANGLE
+    )
+    assert math.isnan(told.focal_length)
+
+
+def test_information_before_the_first_frame_has_no_size(session, station):
+    with MavlinkCamera(session, station.address):
+        assert station.ask(REQUEST, INFORMATION) == ACCEPTED
+        told = station.until("CAMERA_INFORMATION")
+    assert (told.resolution_h, told.resolution_v) == (0, 0)
+
+
+def test_settings_say_that_it_takes_video(flying):
+    _, station = flying
+    assert station.ask(REQUEST, mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS) == ACCEPTED
+    assert station.until("CAMERA_SETTINGS").mode_id == mavlink.CAMERA_MODE_VIDEO

@@ -1,0 +1,73 @@
+"""A ground station on the other end of a real link, with a real session on this one."""
+
+import re
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from ground_station import ACCEPTED, ACTIVE, HERE, IDLE, RECTANGLE, STOP, free_port
+from shaky_clip import write_clip
+
+import ssiam
+from ssiam.web.feeds.feed import open_feed
+from ssiam.web.mavlink.camera import MavlinkCamera
+from ssiam.web.recording import Recordings
+from ssiam.web.session import Session
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "mavlink.md"
+
+
+@contextmanager
+def running(path, address):
+    """A real session on a clip at its own pace, as a camera."""
+    feed = open_feed(str(path), pace="source", notes=lambda note: None)
+    session = Session(feed, ssiam.load_tracker("csrt"), "csrt", Recordings())
+    steps = []
+    session.listen(steps.append)
+    with session, MavlinkCamera(session, address):
+        yield steps
+
+
+def test_a_real_session_is_led_by_a_ground_station(tmp_path, station):
+    boxes = write_clip(tmp_path / "clip.mp4", 120, fps=20)
+    x, y, w, h = boxes[0]
+    with running(tmp_path / "clip.mp4", station.address) as steps:
+        station.status()
+        x, y, w, h = boxes[steps[-1].frame.index]
+        corners = x / 320, y / 240, (x + w) / 320, (y + h) / 240
+        assert station.ask(RECTANGLE, *corners) == ACCEPTED
+        told = [station.status(lambda s: s.tracking_status == ACTIVE) for _ in range(20)]
+        assert station.ask(STOP) == ACCEPTED
+        assert station.status(lambda s: s.tracking_status == IDLE)
+    seen = [
+        tuple(
+            side / size
+            for side, size in zip(step.targets[0].track.box, (320, 240) * 2, strict=True)
+        )
+        for step in steps
+        if step.targets
+    ]
+    for status in told:
+        left, top = status.rec_top_x, status.rec_top_y
+        box = (left, top, status.rec_bottom_x - left, status.rec_bottom_y - top)
+        assert box in [pytest.approx(each, abs=1e-4) for each in seen]
+    assert not steps[-1].targets
+
+
+def test_the_script_of_the_document_follows_a_target(tmp_path):
+    (script,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
+    port = free_port()
+    assert "14550" in script
+    script = script.replace("14550", str(port))
+    write_clip(tmp_path / "clip.mp4", 150, fps=20)
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-c", script], stdout=subprocess.PIPE, text=True
+    )
+    with process, running(tmp_path / "clip.mp4", f"udpout:{HERE}:{port}"):
+        lines = [process.stdout.readline() for _ in range(3)]
+        process.kill()
+    assert lines[0].strip() == "0"  # MAV_RESULT_ACCEPTED
+    for line in lines[1:]:
+        assert re.fullmatch(r"1 0\.\d+ 0\.\d+ 0\.\d+ 0\.\d+", line.strip())

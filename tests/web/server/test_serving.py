@@ -1,0 +1,98 @@
+"""A server that opens, hands out its page, and ends."""
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from live_clients import Client
+from live_server import serving, until
+
+FILES = [("/", "text/html"), ("/page/index.html", "text/html"), ("/page/main.js", "javascript")]
+
+
+@pytest.mark.parametrize(("path", "kind"), [*FILES, ("/health", "application/json")])
+def test_page_is_served(live, path, kind):
+    status, headers, body = live.get(path)
+    assert status == 200
+    assert kind in headers["content-type"]
+    assert len(body) == int(headers["content-length"]) > 0
+    assert "server" not in headers
+    status, head, body = live.get(path, method="HEAD")
+    assert (status, body, head["content-length"]) == (200, b"", headers["content-length"])
+
+
+def test_the_token_opens_the_door_and_is_never_logged(caplog):
+    caplog.set_level(logging.DEBUG)
+    with serving(needs_token=True) as live:
+        token = live.server.access.token
+        assert live.server.address == f"http://127.0.0.1:{live.port}/#token={token}"
+        with Client(live) as client:
+            client.next("step")
+        assert live.get("/")[0] == 200
+        assert live.get("/health")[0] == 403
+        assert live.get(f"/health?token={token}")[0] == 200
+        assert live.get("/health", f"Authorization: Bearer {token}")[0] == 200
+    ours = [record for record in caplog.records if record.name != "websockets.client"]
+    assert ours
+    assert all(token not in record.getMessage() for record in ours)
+
+
+def test_the_port_is_free_again():
+    with serving() as live:
+        port = live.port
+    with serving(port=port) as live:
+        assert live.get("/health")[0] == 200
+
+
+def test_all_are_told_when_the_server_ends():
+    with serving() as live:
+        clients = [Client(live) for _ in range(3)]
+        clients[0].next("step")
+        live.server.close()
+        live.server.close()
+        assert [client.close_code() for client in clients] == [1001] * 3
+        before = live.session.newest.number
+        until(lambda: live.session.newest.number >= before + 3)  # the session goes on
+
+
+def test_run_serves_until_it_is_interrupted(tmp_path):
+    code = """
+import sys, signal, threading, urllib.request
+sys.path[:0] = sys.argv[1:3]
+from live_server import serving
+with serving() as live:
+    live.server.close()
+from ssiam.web.server.serving import LiveServer
+server = LiveServer(live.session, port=0)
+def look():
+    print(urllib.request.urlopen(f"http://127.0.0.1:{server.access.port}/health").status)
+    signal.raise_signal(signal.SIGINT)
+threading.Timer(0.3, look).start()
+server.run()
+print("ended")
+"""
+    folders = Path(__file__).parent, Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *folders], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.split() == ["200", "ended"], done.stderr
+
+
+def test_without_the_extra_one_line_says_what_to_install():
+    code = """
+import sys
+for package in ("starlette", "uvicorn", "websockets"):
+    sys.modules[package] = None
+    try:
+        import ssiam.web.server.serving
+    except Exception as error:
+        print(type(error).__name__, error)
+    del sys.modules[package]
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    lines = done.stdout.splitlines()
+    for package, line in zip(("starlette", "uvicorn", "websockets"), lines, strict=True):
+        assert line.startswith(f"MissingExtraError the package {package} is not installed")
+        assert line.endswith("pip install 'ssiam[web]'")
