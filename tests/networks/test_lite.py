@@ -8,35 +8,34 @@ pytest.importorskip("onnx")
 
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
 from ssiam.networks import inference_graphs  # noqa: E402
-from ssiam.networks.efficientnet_lite import (  # noqa: E402
-    CHANNELS,
-    EfficientNetLite0,
-    load_imagenet,
-)
+from ssiam.networks.efficientnet_lite import CHANNELS, EfficientNetLite0  # noqa: E402
+from ssiam.networks.imagenet import load_imagenet  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.runtime import load_network  # noqa: E402
 from ssiam.training.finished import write_network  # noqa: E402
 
 
-@pytest.fixture(scope="module")
-def network():
+@pytest.fixture(scope="module", params=[True, False], ids=["light", "ImageNet's stem"])
+def network(request):
     torch.manual_seed(0)
-    return LiteNetwork().eval()
+    return LiteNetwork(light=request.param).eval()
 
 
+@pytest.mark.parametrize("light", [False, True])
 @pytest.mark.parametrize("side", [127, 255, 256])
-def test_levels_of_the_backbone(side):
-    levels = EfficientNetLite0().eval()(torch.zeros(1, 3, side, side))
+def test_levels_of_the_backbone(side, light):
+    levels = EfficientNetLite0(light=light).eval()(torch.zeros(1, 3, side, side))
     sides = [-(-side // stride) for stride in (4, 8, 16)]
     assert [tuple(level.shape) for level in levels] == [
         (1, channels, n, n) for channels, n in zip(CHANNELS, sides, strict=True)
     ]
 
 
-def test_where_the_features_look():
+@pytest.mark.parametrize("light", [False, True])
+def test_where_the_features_look(light):
     """The stem of an odd side is padded on both sides, even ones on the right alone."""
     torch.manual_seed(0)
-    backbone = EfficientNetLite0(9).eval().double()
+    backbone = EfficientNetLite0(9, light=light).eval().double()
     crop = (torch.rand(1, 3, 255, 255, dtype=torch.double) * 255).requires_grad_()
     for number, (stride, first) in enumerate([(4, 2), (8, 6), (16, 14)]):
         (level,) = backbone(crop)[number : number + 1]
@@ -49,9 +48,19 @@ def test_where_the_features_look():
 def test_the_first_levels_can_be_completed(network):
     crop = torch.rand(1, 3, 127, 127) * 255
     whole = network.backbone(crop)
-    for count in (1, 2, 3):
+    for count in (2, 3):  # a light stem makes the first two at once
         levels = network.backbone.completed(network.backbone.lower(crop, count))
         assert all(map(torch.equal, levels, whole))
+
+
+def test_a_light_stem_has_no_published_weights(tmp_path):
+    theirs = EfficientNetLite0().state_dict()
+    torch.save(theirs, tmp_path / "w.pth")
+    backbone = EfficientNetLite0(9, light=True)
+    before = {key: value.clone() for key, value in backbone.state_dict().items()}
+    load_imagenet(backbone, tmp_path / "w.pth")
+    for key, value in backbone.state_dict().items():
+        assert torch.equal(value, (before if key.startswith("stem.") else theirs)[key])
 
 
 def test_published_weights_are_of_rgb(tmp_path):
@@ -94,10 +103,8 @@ def test_shapes(network):
         "score": (1, 32, 32),
         "quality": (1, 32, 32),
         "distances": (4, 32, 32),
-        "response": (96, 32, 32),
-        "stride4": (24, 64, 64),
+        "mask": (1, 64, 64),
     }
-    assert network.mask(responses.response, responses.stride4).shape == (2, 1, 64, 64)
     assert bool((responses.distances > 0).all())
 
 
@@ -117,5 +124,3 @@ def test_the_exported_pieces_are_the_network(network, tmp_path):
         if piece == "template":
             crop = random.uniform(0, 255, (1, 3, 255, 255)).astype(np.float32)
             feeds["search"] = [crop, *found]
-        elif piece == "search":
-            feeds["mask"] = list(found[3:])

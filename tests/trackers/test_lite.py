@@ -13,7 +13,7 @@ from trackers.stub_networks import Stub, marked
 
 
 def seeing_search():
-    """Search network whose cells know how far the marker's sides are; the first feature is it."""
+    """Search network whose cells know how far the marker's sides are."""
 
     def answer(t, crop, kernel):
         score = np.full((1, 1, 32, 32), -8, np.float32)
@@ -32,24 +32,18 @@ def seeing_search():
         fine = np.zeros((256, 256), np.float32)
         fine[:255, :255] = seen
         stride4 = fine.reshape(64, 4, 64, 4).mean(axis=(1, 3))[None, None]
-        return [score, quality, distances, stride4, stride4]
+        return [score, quality, distances, (stride4 - 0.5) * 16]
 
     return Stub(answer)
 
 
-def networks(*, masked=False):
-    mask = Stub(lambda t, response, stride4: [(response - 0.5) * 16]) if masked else None
-    return LiteNetworks(Stub(lambda t, crop: [crop]), seeing_search(), mask)
+def networks():
+    return LiteNetworks(Stub(lambda t, crop: [crop]), seeing_search())
 
 
 class TestLite(LoopTests):
     def tracker(self):
         return LiteTracker(networks())
-
-
-class TestLiteWithMask(LoopTests):
-    def tracker(self):
-        return LiteTracker(networks(masked=True))
 
     @pytest.mark.parametrize("stab_from_raw", [np.eye(3), rigid(9, -6, 0.0), rigid(0, 0, 0.2)])
     def test_mask_and_corners_are_the_markers(self, stab_from_raw):
@@ -65,7 +59,7 @@ class TestLiteWithMask(LoopTests):
         middle = columns.mean(), rows.mean()
         assert track.corners.mean(axis=0) == pytest.approx(middle, abs=1.0)
 
-    def test_without_a_mask_the_corners_are_the_box(self):
+    def test_where_the_mask_is_empty_the_corners_are_the_box(self):
         tracker, _ = self.started()
         track = tracker.track(FrameView(np.full_like(picture(BOX), 90)))
         assert not track.mask.any()
@@ -73,11 +67,23 @@ class TestLiteWithMask(LoopTests):
         assert track.corners[[0, 2]] == pytest.approx(np.array([[x, y], [x + w, y + h]]))
 
 
+class TestLiteWithoutMask(LoopTests):
+    def tracker(self):
+        return LiteTracker(networks(), masks=False)
+
+    def test_there_is_neither_mask_nor_rotated_box(self):
+        frames, _ = moving(BOX)
+        tracker = self.tracker().another()
+        tracker.init(FrameView(frames[0]), BOX)
+        track = tracker.track(FrameView(frames[1]))
+        assert (track.mask, track.corners) == (None, None)
+
+
 def test_a_mask_is_pasted_where_its_crop_was_cut():
     """The four pixels of a cell, in a crop of the picture's own size."""
     logits = np.full((1, 1, 64, 64), -20, np.float32)
     logits[0, 0, 30, 40] = 20
-    mask = pasted(logits, (200.0, 180.0), 255, (400, 300)) > 0.5
+    mask = pasted(logits, (200.0, 180.0), 255, (400, 300))
     rows, columns = np.nonzero(mask)
     left, top = 72, 52  # of the crop: whole pixels, the nearest up to centre - 255 / 2
     assert (rows.mean() - top, columns.mean() - left) == pytest.approx((121.5, 161.5), abs=0.5)

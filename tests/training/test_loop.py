@@ -17,6 +17,8 @@ from ssiam.runtime import Running  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
 from ssiam.training.finished import write_so_far  # noqa: E402
+from ssiam.training.settings import NetworkSettings  # noqa: E402
+from ssiam.training.trainer import Trainer  # noqa: E402
 from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
 from synthetic import golden_video  # noqa: E402
 from tiny import write_dataset  # noqa: E402
@@ -41,7 +43,6 @@ def test_what_a_run_has_learnt_so_far_can_be_tried(weights, undisturbed, tmp_pat
     assert write_so_far(toy.settings(weights), undisturbed, tmp_path / "now") == 6
     now, whole = (torch.load(each / "weights.pth") for each in (tmp_path / "now", undisturbed))
     assert all(torch.equal(now[key], whole[key]) for key in whole)
-    assert LiteNetworks.load(tmp_path / "now", Running()).mask is not None
     with pytest.raises(ArgumentError, match="holds no run"):
         write_so_far(toy.settings(weights), tmp_path, tmp_path / "now")
 
@@ -72,6 +73,8 @@ def test_a_killed_run_goes_on_to_the_very_same_weights(weights, undisturbed, tmp
 
 def test_metrics_and_validation_are_kept(undisturbed):
     told = rows(undisturbed)
+    assert [step for step, name in told if name == "stem"] == [0, 1]
+    assert [step for step, name in told if name == "score"] == [2, 3, 4, 5]
     assert {name for _, name in told} >= {"score", "box", "quality", "mask", "success"}
     assert [step for step, name in told if name == "success"] == [5]
 
@@ -93,12 +96,33 @@ def test_a_finished_run_is_not_repeated(weights, undisturbed, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_losses_fall(weights):
-    from ssiam.training.trainer import Trainer
-
-    trainer = Trainer(toy.settings(weights, steps=30, batch=4))
+@pytest.mark.parametrize(
+    ("network", "share"),
+    [
+        pytest.param({"light": False, "frozen_steps": 3}, 0.7, id="heads"),
+        pytest.param({"stem_steps": 30}, 0.9, id="stem"),
+    ],
+)
+def test_losses_fall(weights, network, share):
+    settings = NetworkSettings(weights=str(weights), **network)
+    trainer = Trainer(toy.settings(weights, steps=30, batch=4, network=settings))
     losses = [float(sum(trainer.learn(toy.batch(step, 4)).values())) for step in range(30)]
-    assert sum(losses[-5:]) < 0.7 * sum(losses[:5])
+    assert sum(losses[-5:]) < share * sum(losses[:5])
+
+
+def test_a_run_begins_where_another_has_ended(weights, undisturbed):
+    """Even if that one had no light stem."""
+    theirs = torch.load(undisturbed / "weights.pth")
+    settings = NetworkSettings(weights=str(weights), begin=str(undisturbed / "weights.pth"))
+    ours = Trainer(toy.settings(weights, network=settings)).average.network.state_dict()
+    assert all(torch.equal(ours[key], theirs[key]) for key in ours)
+
+
+def test_a_run_cannot_begin_with_anything(weights):
+    settings = NetworkSettings(weights=str(weights), begin=str(weights))
+    with pytest.raises(WeightsError, match="are not those of this network: backbone") as caught:
+        Trainer(toy.settings(weights, network=settings))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

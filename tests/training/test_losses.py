@@ -14,15 +14,16 @@ BOX = torch.tensor([[20.0, -12.0, 64.0, 48.0]])
 PRESENT = torch.tensor([True])
 
 
-def perfect(box, sure=12.0):
-    """Responses that say just where the box is."""
+def perfect(box, sure=12.0, mask=None):
+    """Responses that say just where the box is; the mask's logits are 0 unless given."""
     targets = cell_targets(box, PRESENT)
     at = (torch.arange(32) - 15.5) * 8
     left, top, right, bottom = corners_of(box)[0]
     x, y = at[None].expand(32, 32), at[:, None].expand(32, 32)
     distances = torch.stack([x - left, y - top, right - x, bottom - y])[None]
     score = torch.where(targets.positive, sure, -sure)[:, None]
-    return LiteResponses(score, torch.full((1, 1, 32, 32), sure), distances, None, None)
+    mask = torch.zeros(1, 1, 64, 64) if mask is None else mask
+    return LiteResponses(score, torch.full((1, 1, 32, 32), sure), distances, mask)
 
 
 def truth(box=BOX, present=PRESENT):
@@ -35,7 +36,7 @@ def truth(box=BOX, present=PRESENT):
 @pytest.mark.parametrize("box", ["giou", "log_iou"])
 def test_the_truth_costs_nothing(score, box):
     mask = (truth().mask[:, None] * 2 - 1) * 20
-    losses = pair_losses(perfect(BOX), mask, truth(), LossSettings(score, box))
+    losses = pair_losses(perfect(BOX, mask=mask), truth(), LossSettings(score, box))
     assert {name: float(loss) for name, loss in losses.items()} == pytest.approx(
         {"score": 0, "box": 0, "quality": 0, "mask": 0}, abs=1e-3
     )
@@ -45,7 +46,7 @@ def test_a_box_beside_costs_more_the_farther_it_is():
     costs = []
     for shift in (0, 8, 30, 200):
         responses = perfect(BOX + torch.tensor([[shift, 0.0, 0.0, 0.0]]))
-        losses = pair_losses(responses, torch.zeros(1, 1, 64, 64), truth(), LossSettings())
+        losses = pair_losses(responses, truth(), LossSettings())
         costs.append(float(losses["box"]))
     assert costs == sorted(costs)
     assert costs[-1] > 2
@@ -53,7 +54,7 @@ def test_a_box_beside_costs_more_the_farther_it_is():
 
 def test_pairs_of_no_weight_count_for_nothing():
     nothing = truth()._replace(weight=torch.zeros(1))
-    losses = pair_losses(perfect(BOX + 30), torch.zeros(1, 1, 64, 64), nothing, LossSettings())
+    losses = pair_losses(perfect(BOX + 30), nothing, LossSettings())
     assert sum(map(float, losses.values())) == 0
 
 
@@ -96,3 +97,8 @@ def test_the_rate_rises_and_falls():
     assert rates[:10] == sorted(rates[:10])
     assert rates[10:] == sorted(rates[10:], reverse=True)
     assert rates[-1] == pytest.approx(0.1, abs=0.01)
+
+
+def test_the_rise_of_a_short_phase_is_short():
+    rates = [rate(step, 20, OptimiserSettings(warm_up=10)) for step in range(20)]
+    assert rates[:3] == [0.5, 1, 1]

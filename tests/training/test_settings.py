@@ -39,6 +39,9 @@ def test_the_config_of_the_repository():
             f'[losses]\nkind_of_box = "iou"\n{SOURCE}', "choose from giou, log_iou", id="choice"
         ),
         pytest.param("[[sources]]\npath = 'x'\n", r"sources[0].layout is missing", id="layout"),
+        pytest.param(
+            f"[network]\ntrained_levels = 2\n{SOURCE}", "trained_levels 2", id="half a stem"
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, capsys, text, complaint):

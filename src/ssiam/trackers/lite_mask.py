@@ -1,20 +1,21 @@
-"""From the mask of a whole search crop to a probability for every pixel of the picture."""
+"""From the mask of a whole search crop to that of the picture."""
 
 from __future__ import annotations
 
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.runtime import Tensor
-from ssiam.trackers.mask_paste import laid
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 4  # px of the crop in a cell of the mask
+_HALF: Final = 127  # of 255, a probability of one half
 
 
 def crop_corner(centre_xy: tuple[float, float], side: int) -> Floats:
@@ -28,8 +29,8 @@ def pasted(
     crop_side: int,
     size_wh: tuple[int, int],
     margin: int = 0,
-) -> Tensor:
-    """Probabilities where the search crop lies in the picture, zero around it.
+) -> Mask:
+    """The mask where the search crop lies in the picture, nothing around it.
 
     Parameters
     ----------
@@ -46,12 +47,15 @@ def pasted(
 
     Returns
     -------
-    (H + 2 * margin, W + 2 * margin) float32
+    (H + 2 * margin, W + 2 * margin) bool
+        Where the probability is more than a half.
     """
-    probability = np.asarray((1 + np.tanh(logits[0, 0] / 2)) / 2, dtype=np.float32)
+    probability = (127.5 + 127.5 * np.tanh(logits[0, 0] / 2)).astype(np.uint8)
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
     # Pixel p of the crop shows corner + (p + 0.5) * zoom - 0.5.
-    shifts = crop_corner(centre_xy, crop_side) + _STRIDE / 2 * zoom - 0.5
+    x, y = crop_corner(centre_xy, crop_side) + _STRIDE / 2 * zoom - 0.5 + margin
     scale = _STRIDE * zoom
-    picture_from_mask = np.array([[scale, 0.0, shifts[0]], [0.0, scale, shifts[1]]])
-    return laid(probability, picture_from_mask, size_wh, margin)
+    width, height = size_wh
+    whole = width + 2 * margin, height + 2 * margin
+    picture_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
+    return np.asarray(cv2.warpAffine(probability, picture_from_mask, whole)) > _HALF

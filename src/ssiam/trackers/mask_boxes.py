@@ -74,7 +74,7 @@ def ellipse_box(mask: Mask, factor: float | None = None) -> Points | None:
 
 def _largest_contour(mask: Mask) -> NDArray[np.int32] | None:
     """Outline (n, 1, 2) of the largest piece, None if it is too small."""
-    contours = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
+    contours = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
     areas = [cv2.contourArea(contour) for contour in contours]
     if not areas or max(areas) <= _SMALLEST_AREA:
         return None

@@ -65,16 +65,9 @@ def paste(mask: Tensor, square_xywh: XYWH, size_wh: tuple[int, int], margin: int
     -------
     (H + 2 * margin, W + 2 * margin) float32
     """
-    return laid(mask, _picture_from_mask(square_xywh, size_wh), size_wh, margin)
-
-
-def laid(
-    mask: Tensor, picture_from_mask: NDArray[np.float64], size_wh: tuple[int, int], margin: int
-) -> Tensor:
-    """As `paste`, by the (2, 3) transform of the mask's pixels to the picture's."""
     width, height = size_wh
     whole = (width + 2 * margin, height + 2 * margin)
-    shifted = picture_from_mask + np.array([0.0, 0.0, margin])
+    shifted = _picture_from_mask(square_xywh, size_wh) + np.array([0.0, 0.0, margin])
     return np.asarray(
         cv2.warpAffine(mask, shifted, whole, flags=cv2.INTER_LINEAR), dtype=np.float32
     )

@@ -21,7 +21,7 @@ _KERNEL: Final = (1, 64, 96)
 
 
 def write_network(network: LiteNetwork, folder: Path) -> None:
-    """Write weights.pth, template.onnx, search.onnx, mask.onnx and the record of them.
+    """Write weights.pth, template.onnx, search.onnx and the record of them.
 
     Raises
     ------
@@ -35,7 +35,6 @@ def write_network(network: LiteNetwork, folder: Path) -> None:
     shapes: dict[str, list[tuple[int, ...]]] = {
         "template": [network.template_shape],
         "search": [network.search_shape, _KERNEL],
-        "mask": [(1, 96, 32, 32), (1, 24, 64, 64)],
     }
     for piece, graph in graphs.items():
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
@@ -58,7 +57,7 @@ def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
     state = read_state(run, settings)
     if state is None:
         raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
-    network = LiteNetwork(settings.network.blocks)
+    network = LiteNetwork(settings.network.blocks, light=settings.network.light)
     network.load_state_dict(state["average"])
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -30,14 +30,13 @@ class Truth(NamedTuple):
 
 
 def pair_losses(
-    responses: LiteResponses, mask_logits: Tensor, truth: Truth, settings: LossSettings
+    responses: LiteResponses, truth: Truth, settings: LossSettings
 ) -> dict[str, Tensor]:
     """The losses by name, each multiplied by its weight in the settings.
 
     Parameters
     ----------
     responses : LiteResponses
-    mask_logits : (N, 1, 64, 64)
     truth : Truth
     settings : LossSettings
     """
@@ -50,7 +49,7 @@ def pair_losses(
         "score": _score_loss(responses.score[:, 0], targets, truth.weight, settings),
         "box": _mean(box_loss(iou, giou, settings.kind_of_box), cells),
         "quality": _mean(_cross_entropy(responses.quality[:, 0], iou.detach()), cells),
-        "mask": _mask_loss(mask_logits[:, 0], truth),
+        "mask": _mask_loss(responses.mask[:, 0], truth),
     }
     return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
 

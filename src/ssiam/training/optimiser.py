@@ -13,12 +13,16 @@ __all__ = ["build_optimiser", "set_rate"]
 
 
 def build_optimiser(student: Student, settings: TrainSettings) -> AdamW:
-    """AdamW on all that will ever learn, in groups that know their `factor` of the rate."""
+    """AdamW on all that will ever learn, in groups that know their `factor` of the rate.
+
+    A light stem has none: ImageNet has not taught it.
+    """
     own = settings.optimiser
     first_trained = settings.network.frozen_levels(settings.network.frozen_steps)
     backbone = student.backbone_weights(first_trained)
     theirs = {id(parameter) for parameter in student.network.backbone.parameters()}
     others = [each for each in student.parameters() if id(each) not in theirs]
+    others += student.stem_weights()
     groups = [
         {"params": weights, "factor": factor, "weight_decay": decay}
         for parameters, factor in ((backbone, own.backbone), (others, 1.0))
@@ -29,8 +33,15 @@ def build_optimiser(student: Student, settings: TrainSettings) -> AdamW:
 
 
 def set_rate(optimiser: AdamW, step: int, settings: TrainSettings) -> float:
-    """Set the rate of a step; the one of the groups without a factor is returned."""
-    lr = settings.optimiser.lr * rate(step, settings.steps, settings.optimiser)
+    """Set the rate of a step; the one of the groups without a factor is returned.
+
+    It rises and falls once while a light stem learns alone, and once more after that.
+    """
+    own, alone = settings.optimiser, settings.network.stem_alone
+    if step < alone:
+        lr = own.stem_lr * rate(step, alone, own)
+    else:
+        lr = own.lr * rate(step - alone, settings.steps - alone, own)
     for group in optimiser.param_groups:
         group["lr"] = lr * group["factor"]
     return lr

@@ -11,8 +11,9 @@ __all__ = ["rate"]
 
 def rate(step: int, steps: int, settings: OptimiserSettings) -> float:
     """Share of the greatest learning rate in a step, 0..1; a function of the step alone."""
-    if step < settings.warm_up:
-        return (step + 1) / settings.warm_up
-    progress = (step - settings.warm_up) / max(steps - settings.warm_up, 1)
+    warm_up = min(settings.warm_up, steps // 10)
+    if step < warm_up:
+        return (step + 1) / warm_up
+    progress = (step - warm_up) / max(steps - warm_up, 1)
     cosine = (1 + math.cos(math.pi * min(progress, 1.0))) / 2
     return settings.final + (1 - settings.final) * cosine

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Final, Literal
 
 from ssiam.networks.lite import BLOCKS
@@ -31,23 +32,50 @@ class NetworkSettings:
     ----------
     blocks : int
         Of the backbone, 9 to 11.
+    light : bool
+        Whether a light stem takes the place of the backbone's first two levels.
     weights : str, optional
         File of the backbone's ImageNet weights; None: that of the installed package.
+    begin : str, optional
+        The weights.pth of a run to begin with, which may have had no light stem.
+    stem_steps : int
+        Steps in which only the light stem learns, from the blocks that it stands for.
     frozen_steps : int
-        Steps in which only what follows the backbone learns.
+        Steps, with those, until the backbone learns.
     trained_levels : int
         Levels of the backbone that learn from then on, from the deepest: 0, 1 (stride 16) or 2
-        (strides 16 and 8). What is before them never learns, and runs in OpenVINO.
+        (strides 16 and 8); with a light stem 0, 1 or 3 (all). What is before them does not learn
+        and runs in OpenVINO.
     """
 
     blocks: int = BLOCKS
+    light: bool = True
     weights: str | None = None
+    begin: str | None = None
+    stem_steps: int = 1000
     frozen_steps: int = 5000
     trained_levels: int = 1
 
     def __post_init__(self) -> None:
-        require(0 <= self.trained_levels < LEVELS, "trained_levels", self.trained_levels, "0, 1, 2")
-        require(self.frozen_steps >= 0, "frozen_steps", self.frozen_steps, "0 or more")
+        wanted = (0, 1, LEVELS) if self.light else (0, 1, 2)
+        require(
+            self.trained_levels in wanted,
+            "trained_levels",
+            self.trained_levels,
+            ", ".join(map(str, wanted)),
+        )
+        for name in ("stem_steps", "frozen_steps"):
+            require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
+
+    @property
+    def weights_path(self) -> Path | None:
+        """Of the ImageNet weights, if they are not the installed package's."""
+        return None if self.weights is None else Path(self.weights)
+
+    @property
+    def stem_alone(self) -> int:
+        """Number of the first steps, in which only a light stem learns."""
+        return self.stem_steps if self.light else 0
 
     def frozen_levels(self, step: int) -> int:
         """Levels of the backbone that do not learn in a step."""
@@ -62,12 +90,14 @@ class OptimiserSettings:
     ----------
     lr : float
         Greatest learning rate.
+    stem_lr : float
+        That of a light stem while it learns alone.
     backbone : float
         Factor of the backbone's rate.
     decay : float
         Of the weights, for each unit of the rate; normalisations and biases have none.
     warm_up : int
-        Steps in which the rate rises to `lr`.
+        Steps in which the rate rises to `lr`; a tenth of all if that is less.
     final : float
         Factor of the rate at the end of the cosine.
     clip : float
@@ -77,6 +107,7 @@ class OptimiserSettings:
     """
 
     lr: float = 1e-3
+    stem_lr: float = 2e-2
     backbone: float = 0.1
     decay: float = 0.02
     warm_up: int = 1000

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.networks.efficientnet_lite import load_imagenet
+from ssiam.errors import WeightsError
+from ssiam.networks.checkpoints import read_tensors
+from ssiam.networks.efficientnet_lite import STEM_LEVELS
+from ssiam.networks.imagenet import load_imagenet
 from ssiam.networks.lite import LiteNetwork, LiteResponses
 from ssiam.runtime import Precision
 from ssiam.training.batches import SEARCH, TEMPLATE
 from ssiam.training.settings import NetworkSettings
+from ssiam.training.stem import StemLesson
 from ssiam.training.teacher import Adapter
 from ssiam.training.trunk import Trunk
 
 __all__ = ["Seen", "Student"]
+
+_STEM: Final = "backbone.stem."  # how the names of its weights begin
 
 
 class Seen(NamedTuple):
@@ -26,14 +33,11 @@ class Seen(NamedTuple):
     Attributes
     ----------
     responses : LiteResponses
-    mask : (N, 1, 64, 64)
-        Logits.
     adapted : (N, 96, 8, 8) and (N, 96, 16, 16), or None
         Features of template and search crop, to be compared with a teacher's.
     """
 
     responses: LiteResponses
-    mask: Tensor
     adapted: tuple[Tensor, Tensor] | None
 
 
@@ -57,42 +61,92 @@ class Student(nn.Module):
         self, settings: NetworkSettings, *, taught: bool, threads: int, precision: Precision
     ) -> None:
         super().__init__()
-        self.network = LiteNetwork(settings.blocks)
-        weights = None if settings.weights is None else Path(settings.weights)
-        load_imagenet(self.network.backbone, weights)
+        self.network = LiteNetwork(settings.blocks, light=settings.light)
+        load_imagenet(self.network.backbone, settings.weights_path)
+        if settings.begin is not None:
+            _take(self.network, Path(settings.begin))
         self.adapter = Adapter() if taught else None
         self._settings, self._threads, self._precision = settings, threads, precision
+        self._frozen: int | None = None
         self._trunk: Trunk | None = None
+        self._lesson: StemLesson | None = None
 
     def prepare(self, step: int) -> None:
         """Freeze and free what a step asks for; to be called before every step."""
-        count = self._settings.frozen_levels(step)
-        if self._trunk is not None and self._trunk.count == count:
+        if step < self._settings.stem_alone:
+            self._prepare_stem()
+            return
+        frozen = self._settings.frozen_levels(step)
+        if self._frozen == frozen:
             return
         backbone = self.network.backbone
-        sides = TEMPLATE, SEARCH
-        self._trunk = Trunk(backbone, count, sides, self._threads, self._precision)
-        backbone.requires_grad_(False)
-        for parameter in self.backbone_weights(count):
-            parameter.requires_grad_(True)
-        self.train()
+        self._frozen, self._lesson, self._trunk = frozen, None, None
+        if frozen:
+            sides = TEMPLATE, SEARCH
+            self._trunk = Trunk(backbone, frozen, sides, self._threads, self._precision)
+        self._free([*self.backbone_weights(frozen), *([] if frozen else self.stem_weights())])
         backbone.eval()
 
+    def stem_weights(self) -> list[nn.Parameter]:
+        """The parameters of the light stem, if there is one."""
+        stem = self.network.backbone.stem
+        return [] if stem is None else list(stem.parameters())
+
     def backbone_weights(self, frozen_levels: int) -> list[nn.Parameter]:
-        """The parameters of the backbone after its first levels."""
-        deeper = range(frozen_levels, self.network.backbone.levels)
+        """The parameters of the backbone after its first levels, without a light stem's."""
+        deeper = range(max(frozen_levels, 1), self.network.backbone.levels)
         stages = [self.network.backbone.stage_weights(number) for number in deeper]
         return [parameter for stage in stages for parameter in stage]
 
+    def stem_loss(self, search: NDArray[np.uint8]) -> Tensor:
+        """What the stem misses of crops (N, 3, 255, 255) uint8 BGR, see `StemLesson`."""
+        assert self._lesson is not None, "prepare comes first"
+        levels = self.network.backbone.lower(_crops(search), STEM_LEVELS)
+        return self._lesson.loss(levels, search)
+
     def forward(self, template: NDArray[np.uint8], search: NDArray[np.uint8]) -> Seen:
         """Responses of crops (N, 3, 127, 127) and (N, 3, 255, 255) uint8 BGR."""
-        assert self._trunk is not None, "prepare comes first"
-        network, trunk = self.network, self._trunk
-        of_template = network.backbone.completed(trunk(template))
-        of_search = network.backbone.completed(trunk(search))
-        responses = network.responses(of_search, network.kernel(of_template))
-        mask = network.mask(responses.response, responses.stride4)
+        of_template, of_search = self._levels(template), self._levels(search)
+        responses = self.network.responses(of_search, self.network.kernel(of_template))
         adapted = None
         if self.adapter is not None:
             adapted = self.adapter(of_template[-1]), self.adapter(of_search[-1])
-        return Seen(responses, mask, adapted)
+        return Seen(responses, adapted)
+
+    def _levels(self, crops: NDArray[np.uint8]) -> list[Tensor]:
+        assert self._frozen is not None, "prepare comes first"
+        backbone = self.network.backbone
+        if self._trunk is None:
+            return backbone.lower(_crops(crops), backbone.levels)
+        return backbone.completed(self._trunk(crops))
+
+    def _prepare_stem(self) -> None:
+        if self._lesson is not None:
+            return
+        blocks, weights = self._settings.blocks, self._settings.weights_path
+        self._lesson = StemLesson(blocks, weights, self._threads, self._precision)
+        self._free(self.stem_weights())
+
+    def _free(self, weights: list[nn.Parameter]) -> None:
+        """Let the backbone learn these of its weights, and no others."""
+        self.train()
+        self.network.backbone.requires_grad_(False)
+        for parameter in weights:
+            parameter.requires_grad_(True)
+
+
+def _take(network: LiteNetwork, path: Path) -> None:
+    """Begin with the weights that another run has left; it may have had no light stem."""
+    theirs, ours = read_tensors(path), network.state_dict()
+    wanted = [key for key in ours if key in theirs or not key.startswith(_STEM)]
+    wrong = [key for key in wanted if key not in theirs or theirs[key].shape != ours[key].shape]
+    if wrong:
+        raise WeightsError(
+            f"weights {path} are not those of this network: {wrong[0]} and "
+            f"{len(wrong) - 1} others are missing or of another shape"
+        )
+    network.load_state_dict({**ours, **{key: theirs[key] for key in wanted}})
+
+
+def _crops(crops: NDArray[np.uint8]) -> Tensor:
+    return torch.from_numpy(crops).float().contiguous(memory_format=torch.channels_last)

@@ -94,11 +94,14 @@ class Trainer:
             ) from error
 
     def _losses(self, batch: Batch) -> dict[str, Tensor]:
+        if self.step < self._settings.network.stem_alone:
+            with self._arithmetic():
+                return {"stem": self._student.stem_loss(batch.search)}
         with self._arithmetic():
             seen = self._student(batch.template, batch.search)
         # Losses are small differences of large sums: in float32.
         responses = type(seen.responses)(*(each.float() for each in seen.responses))
-        losses = pair_losses(responses, seen.mask.float(), _truth(batch), self._settings.losses)
+        losses = pair_losses(responses, _truth(batch), self._settings.losses)
         if self._teacher is None or self._settings.teacher is None or seen.adapted is None:
             return losses
         lesson = self._teacher.lesson(batch.template, batch.search)
