@@ -103,10 +103,10 @@ def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
 
 def map_mask(to_from_from: Transform, mask: NDArray[np.bool_], size_wh: tuple[int, int]) -> Any:
     """Mask (H, W) bool seen in the target frame of (width, height) pixels; nearest pixel."""
-    warped = cv2.warpPerspective(
-        mask.astype(np.uint8), to_from_from, size_wh, flags=cv2.INTER_NEAREST
-    )
-    return warped.astype(np.bool_)
+    pixels, nearest = mask.view(np.uint8), cv2.INTER_NEAREST
+    if np.array_equal(to_from_from[2], IDENTITY[2]):
+        return cv2.warpAffine(pixels, to_from_from[:2], size_wh, flags=nearest).astype(np.bool_)
+    return cv2.warpPerspective(pixels, to_from_from, size_wh, flags=nearest).astype(np.bool_)
 
 
 def corners_from_xywh(xywh: Sequence[float]) -> Points:

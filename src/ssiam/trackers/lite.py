@@ -18,7 +18,7 @@ from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corne
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.lite_mask import crop_corner, pasted
+from ssiam.trackers.lite_mask import PastedMask, crop_corner, pasted
 from ssiam.trackers.mask_boxes import rectangle_box
 from ssiam.trackers.siamese import (
     EXEMPLAR,
@@ -169,18 +169,17 @@ class LiteTracker:
         margin = 0 if view.is_raw else view.border
         side = round(SEARCH / EXEMPLAR * last.context_side)
         mask = pasted(logits, last.centre_xy, side, view.size_wh, margin)
-        width, height = view.size_wh
-        corners = _corners(rectangle_box(mask), margin, found.box)
-        inside = mask[margin : margin + height, margin : margin + width]
-        return replace(found, mask=inside, corners=corners)
+        corners = _corners(mask, found.box)
+        return replace(found, mask=mask.inside(view.size_wh), corners=corners)
 
 
-def _corners(found: Points | None, margin: int, xywh: XYWH) -> Points:
-    """A rotated box in a picture with a margin, if it agrees with the upright one; else that."""
+def _corners(mask: PastedMask, xywh: XYWH) -> Points:
+    """The mask's rotated box, if it agrees with the upright one; else that."""
     upright = corners_from_xywh(xywh)
+    found = rectangle_box(mask.part)
     if found is None:
         return upright
-    turned = found - margin
+    turned = found + mask.corner_xy
     agree = iou(xywh_from_corners(turned), xywh) >= _AGREE
     return turned if agree else upright
 

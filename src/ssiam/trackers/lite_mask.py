@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -23,14 +23,38 @@ def crop_corner(centre_xy: tuple[float, float], side: int) -> Floats:
     return np.floor(np.asarray(centre_xy) - (side + 1) / 2 + 0.5)
 
 
+class PastedMask(NamedTuple):
+    """The part of a picture in which a mask may lie.
+
+    Attributes
+    ----------
+    part : (h, w) bool
+    corner_xy : (int, int)
+        The part's first pixel, pixels of the picture.
+    """
+
+    part: Mask
+    corner_xy: tuple[int, int]
+
+    def inside(self, size_wh: tuple[int, int]) -> Mask:
+        """The mask (H, W) of a whole picture of this width and height."""
+        width, height = size_wh
+        whole = np.zeros((height, width), dtype=np.bool_)
+        left, top = self.corner_xy
+        x, y = max(left, 0), max(top, 0)
+        shown = self.part[y - top : max(height - top, 0), x - left : max(width - left, 0)]
+        whole[y : y + shown.shape[0], x : x + shown.shape[1]] = shown
+        return whole
+
+
 def pasted(
     logits: Tensor,
     centre_xy: tuple[float, float],
     crop_side: int,
     size_wh: tuple[int, int],
     margin: int = 0,
-) -> Mask:
-    """The mask where the search crop lies in the picture, nothing around it.
+) -> PastedMask:
+    """The mask where the search crop lies in the picture.
 
     Parameters
     ----------
@@ -43,19 +67,22 @@ def pasted(
     size_wh : (int, int)
         The picture's width and height.
     margin : int
-        Pixels added on each side, where the mask shows as well.
+        Pixels around the picture, where the mask shows as well.
 
     Returns
     -------
-    (H + 2 * margin, W + 2 * margin) bool
-        Where the probability is more than a half.
+    PastedMask
+        True where the probability is more than a half.
     """
     probability = (127.5 + 127.5 * np.tanh(logits[0, 0] / 2)).astype(np.uint8)
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
-    # Pixel p of the crop shows corner + (p + 0.5) * zoom - 0.5.
-    x, y = crop_corner(centre_xy, crop_side) + _STRIDE / 2 * zoom - 0.5 + margin
     scale = _STRIDE * zoom
-    width, height = size_wh
-    whole = width + 2 * margin, height + 2 * margin
-    picture_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
-    return np.asarray(cv2.warpAffine(probability, picture_from_mask, whole)) > _HALF
+    corner = crop_corner(centre_xy, crop_side)
+    first = np.maximum(corner - np.ceil(scale), -margin)
+    last = np.minimum(corner + np.ceil(crop_side + 2 * scale), np.add(size_wh, margin))
+    width, height = np.maximum(last - first, 1).astype(int).tolist()
+    # Pixel p of the crop shows corner + (p + 0.5) * zoom - 0.5.
+    x, y = corner + scale / 2 - 0.5 - first
+    part_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
+    part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
+    return PastedMask(part, (int(first[0]), int(first[1])))
