@@ -9,8 +9,8 @@ pytest.importorskip("onnx")
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
 from ssiam.networks import inference_graphs  # noqa: E402
 from ssiam.networks.efficientnet_lite import CHANNELS, EfficientNetLite0  # noqa: E402
-from ssiam.networks.imagenet import load_imagenet  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
+from ssiam.networks.starting_weights import load_imagenet  # noqa: E402
 from ssiam.runtime import load_network  # noqa: E402
 from ssiam.training.finished import write_network  # noqa: E402
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.errors import WeightsError
-from ssiam.networks.checkpoints import read_tensors
 from ssiam.networks.efficientnet_lite import STEM_LEVELS
-from ssiam.networks.imagenet import load_imagenet
 from ssiam.networks.lite import LiteNetwork, LiteResponses
+from ssiam.networks.starting_weights import load_imagenet, load_trained
 from ssiam.runtime import Precision
 from ssiam.training.batches import SEARCH, TEMPLATE
 from ssiam.training.settings import NetworkSettings
@@ -23,8 +21,6 @@ from ssiam.training.teacher import Adapter
 from ssiam.training.trunk import Trunk
 
 __all__ = ["Seen", "Student"]
-
-_STEM: Final = "backbone.stem."  # how the names of its weights begin
 
 
 class Seen(NamedTuple):
@@ -64,7 +60,7 @@ class Student(nn.Module):
         self.network = LiteNetwork(settings.blocks, light=settings.light)
         load_imagenet(self.network.backbone, settings.weights_path)
         if settings.begin is not None:
-            _take(self.network, Path(settings.begin))
+            load_trained(self.network, Path(settings.begin))
         self.adapter = Adapter() if taught else None
         self._settings, self._threads, self._precision = settings, threads, precision
         self._frozen: int | None = None
@@ -133,19 +129,6 @@ class Student(nn.Module):
         self.network.backbone.requires_grad_(False)
         for parameter in weights:
             parameter.requires_grad_(True)
-
-
-def _take(network: LiteNetwork, path: Path) -> None:
-    """Begin with the weights that another run has left; it may have had no light stem."""
-    theirs, ours = read_tensors(path), network.state_dict()
-    wanted = [key for key in ours if key in theirs or not key.startswith(_STEM)]
-    wrong = [key for key in wanted if key not in theirs or theirs[key].shape != ours[key].shape]
-    if wrong:
-        raise WeightsError(
-            f"weights {path} are not those of this network: {wrong[0]} and "
-            f"{len(wrong) - 1} others are missing or of another shape"
-        )
-    network.load_state_dict({**ours, **{key: theirs[key] for key in wanted}})
 
 
 def _crops(crops: NDArray[np.uint8]) -> Tensor:
