@@ -3,7 +3,8 @@
     python benchmarks/search_parameters.py DATASET [--weights FOLDER] [--frames 80] [--jobs 2]
 
 DATASET is a folder as `ssiam bench` takes it, of the videos that training left out: never that of a
-benchmark. Prints every combination, the best last.
+benchmark. Every combination tracks them alone, as they are, and predicted, shaken by 3 %; prints
+both and their mean, the best last.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 from collections.abc import Sequence
 from itertools import islice, product
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import joblib
@@ -19,30 +21,51 @@ import numpy as np
 
 import ssiam
 from ssiam.datasets import Sequence as Clip
-from ssiam.datasets import open_dataset
+from ssiam.datasets import Shake, open_dataset, shaken
 from ssiam.evaluation.success import success
 from ssiam.runtime import Running
+from ssiam.stabilize import Method
 from ssiam.trackers.lite import SHIPPED, LiteNetworks, LiteTracker
 from ssiam.trackers.siamese import SearchParameters
 
-PENALTY_K = (0.02, 0.06, 0.12)
-WINDOW_INFLUENCE = (0.2, 0.3, 0.4)
-LR = (0.3, 0.45, 0.6)
+PENALTY_K = (0.05, 0.1)
+WINDOW_INFLUENCE = (0.1, 0.15, 0.2, 0.3)
+LR = (0.4, 0.6)
 
 
-def scores(
-    weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParameters]
+class Setting(NamedTuple):
+    """How the videos are seen."""
+
+    stabilize: Method
+    shake: Shake
+
+
+SETTINGS = (Setting("off", Shake(0.0)), Setting("predict", Shake(0.03, "handheld")))
+
+
+def scores(weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParameters]) -> np.ndarray:
+    """Success (settings, parameters) of a clip's first frames."""
+    cv2.setNumThreads(1)
+    networks = LiteNetworks.load(weights, Running("openvino", 1))
+    return np.array([of_setting(networks, clip, frames, tried, each) for each in SETTINGS])
+
+
+def of_setting(
+    networks: LiteNetworks,
+    clip: Clip,
+    frames: int,
+    tried: Sequence[SearchParameters],
+    setting: Setting,
 ) -> list[float]:
     """Success of a clip's first frames with each of the parameters."""
-    cv2.setNumThreads(1)
-    loaded = LiteNetworks.load(weights, Running("openvino", 1))
-    networks = LiteNetworks(loaded.template, loaded.search)
-    images = list(islice(clip.images(), frames))
-    truth = np.array([clip.box(index) for index in range(len(images))])
+    seen = shaken(clip, setting.shake)
+    images = list(islice(seen.images(), frames))
+    truth = np.array([seen.box(index) for index in range(len(images))])
     found = []
     for parameters in tried:
         tracker = ssiam.SteadiedTracker(
-            LiteTracker(networks, parameters), ssiam.StabilizerConfig("off")
+            LiteTracker(networks, parameters, masks=False),
+            ssiam.StabilizerConfig(setting.stabilize),
         )
         tracker.init(images[0], truth[0])
         boxes = [truth[0], *(tracker.update(image).box for image in images[1:])]
@@ -64,10 +87,13 @@ def main() -> None:
         joblib.delayed(scores)(arguments.weights, clip, arguments.frames, tried) for clip in clips
     ]
     means = np.mean(joblib.Parallel(arguments.jobs)(runs), axis=0)
-    print("| success | penalty_k | window_influence | lr |\n|---|---|---|---|")
-    for place in np.argsort(means):
+    both = means.mean(axis=0)
+    print("| mean | off | predict, shaken | penalty_k | window_influence | lr |")
+    print("|---|---|---|---|---|---|")
+    for place in np.argsort(both):
         each = tried[place]
-        print(f"| {means[place]:.4f} | {each.penalty_k} | {each.window_influence} | {each.lr} |")
+        found = " | ".join(f"{value:.4f}" for value in (both[place], *means[:, place]))
+        print(f"| {found} | {each.penalty_k} | {each.window_influence} | {each.lr} |")
 
 
 if __name__ == "__main__":
