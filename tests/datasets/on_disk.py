@@ -1,4 +1,4 @@
-"""Datasets for the tests, written the way they were published."""
+"""Datasets for the tests, written the way they were published, and what is read of them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,16 @@ def picture(number):
 
 def number_in(image):
     return round(float(image.mean()) / _STEP)
+
+
+def only(dataset):
+    """The sequence of a dataset of one."""
+    (name,) = dataset.sequences
+    return dataset.sequences[name]
+
+
+def frame_numbers(sequence):
+    return [int(path.stem) for path in sequence.frames]
 
 
 def write_images(folder, numbers, digits, suffix=".jpg"):

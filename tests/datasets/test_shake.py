@@ -1,4 +1,4 @@
-"""Shake: its paths measured, its pictures held to its truth, and what it refuses."""
+"""`Shake`: its paths measured, and the values it refuses."""
 
 from __future__ import annotations
 
@@ -6,56 +6,14 @@ import os
 import pickle
 import subprocess
 import sys
-from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
-from on_disk import boxes, write_otb
+from shake_inputs import SIZE, STRENGTH
 
-from ssiam.datasets import (
-    SHAKE_KINDS,
-    Dataset,
-    Sequence,
-    Shake,
-    camera_path,
-    open_dataset,
-    shaken,
-    shaken_dataset,
-)
-from ssiam.errors import ArgumentError, FrameSizeError, SourceError
-from ssiam.geometry import frame_centre, local_zoom, map_points, rigid_parameters
-
-SIZE = (320, 240)
-BLOB = (150.3, 108.6)  # where its light is, pixels
-STRENGTH = 0.03
-
-
-def sequence(folder, picture, count, truth, name="clip", **fields):
-    """The same picture in every frame."""
-    path = folder / f"{name}.png"
-    cv2.imwrite(str(path), picture)
-    return Sequence(name, (path,) * count, np.asarray(truth, dtype=np.float64), **fields)
-
-
-def blob_picture():
-    """A soft light on black: no border's mirror image brings a second one into view."""
-    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
-    light = 250 * np.exp(-((x - BLOB[0]) ** 2 + (y - BLOB[1]) ** 2) / (2 * 3.0**2))
-    return np.repeat(np.rint(light).astype(np.uint8)[..., None], 3, axis=2)
-
-
-def blob_clip(folder, count=12, polygon=False):
-    x, y = BLOB
-    box = [x - 10, y - 8, 20, 16]
-    corners = [x - 10, y - 8, x + 10, y - 8, x + 10, y + 8, x - 10, y + 8]
-    return sequence(folder, blob_picture(), count, [corners if polygon else box] * count)
-
-
-def centroid(image):
-    light = image[..., 0].astype(np.float64)
-    y, x = np.mgrid[: light.shape[0], : light.shape[1]]
-    return np.array([(x * light).sum(), (y * light).sum()]) / light.sum()
+from ssiam.datasets import SHAKE_KINDS, Shake, camera_path
+from ssiam.errors import ArgumentError
+from ssiam.geometry import frame_centre, local_zoom, rigid_parameters
 
 
 def shifts_angles_zooms(shake, count, size_wh=SIZE, name=""):
@@ -140,171 +98,6 @@ def test_vibration_is_fast_and_handheld_is_slow():
 
     assert share_above("vibration", 0.12) > 0.95
     assert share_above("handheld", 0.12) < 0.1
-
-
-@pytest.mark.parametrize("kind", SHAKE_KINDS)
-def test_a_strength_of_0_changes_nothing(tmp_path, kind):
-    folder = write_otb(tmp_path, "Walking", range(1, 5), boxes(4))
-    raw = open_dataset(folder).sequences["Walking"]
-    same = shaken(raw, Shake(0, kind, exposure=0.5, readout=0.5, border="crop"))
-    assert np.array_equal(same.truth, raw.truth)
-    assert np.array_equal(same.shaken_from_raw, [np.eye(3)] * 4)
-    for start in (0, 2):
-        images = list(same.images(start))
-        assert len(images) == 4 - start
-        assert all(map(np.array_equal, images, raw.images(start)))
-
-
-SEEN = [
-    # name, what is not as by default
-    ("reflect", {}),
-    ("crop", {"border": "crop"}),
-    ("blur", {"exposure": 0.6}),
-    ("rolling shutter", {"readout": 0.8}),
-    ("all of them", {"border": "crop", "exposure": 0.4, "readout": 0.6}),
-]
-
-
-@pytest.mark.parametrize("polygon", [False, True], ids=["box", "polygon"])
-@pytest.mark.parametrize("settings", [row[1] for row in SEEN], ids=[row[0] for row in SEEN])
-@pytest.mark.parametrize("kind", SHAKE_KINDS)
-def test_the_target_is_where_the_truth_says(tmp_path, kind, settings, polygon):
-    clip = shaken(blob_clip(tmp_path, polygon=polygon), Shake(STRENGTH, kind, **settings))
-    for image, row in zip(clip.images(), clip.truth, strict=True):
-        assert image.shape[1::-1] == clip.size_wh
-        centre = row.reshape(4, 2).mean(axis=0) if polygon else row[:2] + row[2:] / 2
-        assert np.linalg.norm(centroid(image) - centre) < 0.2
-
-
-def test_without_readout_the_truth_is_the_path(tmp_path):
-    shake = Shake(STRENGTH, "zoom", exposure=0.5)
-    clip = shaken(blob_clip(tmp_path), shake)
-    path = camera_path(shake, len(clip), SIZE, clip.name)
-    assert np.array_equal(clip.shaken_from_raw, path)
-    for pose, (x, y, w, h) in zip(path, clip.truth, strict=True):
-        assert map_points(pose, [BLOB])[0] == pytest.approx((x + w / 2, y + h / 2))
-        assert (w, h) == pytest.approx(20 * local_zoom(pose, BLOB) * np.array([1, 0.8]))
-
-
-def test_frames_from_the_middle_on_are_the_same(tmp_path):
-    clip = shaken(blob_clip(tmp_path, count=5), Shake(STRENGTH, "gusts"))
-    assert all(map(np.array_equal, list(clip.images())[3:], clip.images(3)))
-
-
-def gradient():
-    """Each pixel tells its place: blue is x, green is y."""
-    y, x = np.mgrid[:180, :250]
-    return np.stack([x, y, np.zeros_like(x)], axis=2).astype(np.uint8)
-
-
-@pytest.mark.parametrize("readout", [0.0, 0.7], ids=["at once", "rolling"])
-@pytest.mark.parametrize("kind", SHAKE_KINDS)
-def test_cropping_shows_nothing_but_the_picture(tmp_path, kind, readout):
-    raw = sequence(tmp_path, gradient(), 40, [[100, 80, 30, 20]] * 40)
-    shake = Shake(0.04, kind, border="crop", readout=readout)
-    clip = shaken(raw, shake)
-    width, height = clip.size_wh
-    for index, image in enumerate(clip.images()):
-        rows = clip.camera._delays(np.arange(height, dtype=float))
-        for row in (0, height // 2, height - 1):
-            raw_from_shaken = np.linalg.inv(clip.camera.path.at(index + rows[row]))
-            places = map_points(raw_from_shaken, [(x, row) for x in range(width)])
-            assert places.min() > -1e-6
-            assert (places.max(axis=0) < (249 + 1e-6, 179 + 1e-6)).all()
-            assert abs(image[row, :, :2] - places).max() < 0.6
-
-
-def test_the_window_is_the_same_for_every_seed_and_kept_small(tmp_path):
-    raw = blob_clip(tmp_path)
-    sizes = {shaken(raw, Shake(0.01, seed=n, border="crop")).size_wh for n in range(5)}
-    assert len(sizes) == 1
-    width, height = sizes.pop()
-    assert (width, height) > (0.9 * SIZE[0], 0.85 * SIZE[1])
-
-
-def spread(image):
-    """Covariance (2, 2) of the light in x and y, pixels squared."""
-    light = image[..., 0].astype(np.float64)
-    y, x = np.mgrid[: light.shape[0], : light.shape[1]]
-    return np.cov(x.ravel(), y.ravel(), aweights=light.ravel())
-
-
-def test_an_exposure_blurs_along_the_way(tmp_path):
-    clip = shaken(blob_clip(tmp_path), Shake(0.05, exposure=0.8))
-    for index, image in enumerate(clip.images()):
-        times = index + np.linspace(-0.4, 0.4, 200)
-        way = np.array([map_points(pose, [BLOB])[0] for pose in clip.camera.path.at(times)])
-        wanted = 3.0**2 * np.eye(2) + np.cov(way.T)
-        assert spread(image) == pytest.approx(wanted, rel=0.06, abs=1.5)
-
-
-def test_a_rolling_shutter_shears_what_is_upright(tmp_path):
-    picture = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
-    picture[:, 158:163] = 255
-    raw = sequence(tmp_path, picture, 20, [[150, 100, 20, 20]] * 20)
-    for readout in (0.0, 0.5):
-        clip = shaken(raw, Shake(STRENGTH, "handheld", readout=readout))
-        columns = np.arange(SIZE[0])
-        for index, image in enumerate(clip.images()):
-            line = image[20:220, :, 0].astype(float)
-            found = (line * columns).sum(axis=1) / line.sum(axis=1)
-            ends = np.polyfit(np.arange(20, 220), found, 1)[0] * SIZE[1]
-            start, end = clip.camera.path.at(index + np.array([-readout / 2, readout / 2]))
-            angle = (start[0, 1] + end[0, 1]) / 2
-            shift = map_points(end, [(160, 120)])[0, 0] - map_points(start, [(160, 120)])[0, 0]
-            assert ends == pytest.approx(shift + angle * SIZE[1], abs=1.0)
-
-
-def test_what_is_not_told_stays_untold(tmp_path):
-    truth = np.tile([100.0, 80, 30, 20], (6, 1))
-    truth[[1, 4]] = np.nan
-    clip = shaken(sequence(tmp_path, blob_picture(), 6, truth), Shake(STRENGTH))
-    assert np.isnan(clip.truth).all(axis=1).tolist() == [False, True, False, False, True, False]
-    nothing = np.full((6, 8), np.nan)
-    clip = shaken(replace(clip.raw, truth=nothing), Shake(STRENGTH, readout=0.5))
-    assert np.isnan(clip.truth).all()
-    assert clip.truth.shape == (6, 8)
-    first_only = shaken(replace(clip.raw, truth=truth[:1]), Shake(STRENGTH))
-    assert (len(first_only), len(first_only.truth)) == (6, 1)
-
-
-@pytest.mark.parametrize("polygon", [False, True], ids=["box", "polygon"])
-def test_a_target_that_has_left_the_picture_is_not_told(tmp_path, polygon):
-    row = [0, 100, 4, 100, 4, 104, 0, 104] if polygon else [0, 100, 4, 4]
-    raw = sequence(tmp_path, blob_picture(), 40, [row] * 40)
-    clip = shaken(raw, Shake(STRENGTH))
-    told = np.isfinite(clip.truth).all(axis=1)
-    seen = map_points(np.eye(3), [map_points(pose, [(2, 102)])[0] for pose in clip.shaken_from_raw])
-    assert 5 < told.sum() < 35
-    assert (seen[told, 0] > -3.5).all()
-    assert (seen[~told, 0] < -1.5).all()
-
-
-def test_a_dataset_is_shaken_when_it_is_read(tmp_path):
-    for name in ("Walking", "Running"):
-        write_otb(tmp_path, name, range(1, 4), boxes(3))
-    (tmp_path / "Running" / "img" / "0001.jpg").write_bytes(b"")
-    raw = open_dataset(tmp_path)
-    dataset = shaken_dataset(raw, Shake(STRENGTH))
-    assert (dataset.name, dataset.kind) == (raw.name, raw.kind)
-    assert list(dataset.sequences) == list(raw.sequences)
-    walking = dataset.sequences["Walking"]
-    assert (walking.name, walking.size_wh, len(walking)) == ("Walking", (12, 8), 3)
-    assert not np.array_equal(walking.truth, raw.sequences["Walking"].truth)
-    with pytest.raises(SourceError, match=r"0001\.jpg"):
-        dataset.sequences["Running"]
-
-
-def test_where_the_size_is_told_no_image_is_opened(tmp_path):
-    raw = Sequence("s", (tmp_path / "absent.png",) * 3, boxes(3), size_wh=SIZE)
-    dataset = shaken_dataset(Dataset("d", "pysot", {"s": raw}), Shake(STRENGTH))
-    assert dataset.sequences["s"].truth.shape == (3, 4)
-
-
-def test_frames_of_another_size_are_told(tmp_path):
-    raw = replace(blob_clip(tmp_path, count=2), size_wh=(300, 240))
-    with pytest.raises(FrameSizeError, match="clip: frame 0 is 320x240, not 300x240"):
-        list(shaken(raw, Shake(STRENGTH)).images())
 
 
 def test_a_shake_is_a_value():

@@ -30,6 +30,11 @@ def tracked(codes, name="one", shift=0.0, tags=None, repetitions=1, length=None)
     return TrackedSequence(sequence, (trajectory(codes, truth, shift),) * repetitions)
 
 
+def same(a, b, atol=0.0):
+    np.testing.assert_array_equal(a.status, b.status)
+    np.testing.assert_allclose(a.regions, b.regions, atol=atol)
+
+
 def golden_runs(data):
     """The sequences of golden.md's vot_eval.npz."""
     runs = []

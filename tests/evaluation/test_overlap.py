@@ -1,24 +1,16 @@
-"""Overlaps: what holds for every region, a drawing of the pixels one by one, golden numbers."""
+"""Overlaps: what holds for every region, known cases, golden numbers."""
 
 import numpy as np
 import pytest
+from any_regions import BOUNDS, BOXES, POLYGONS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.overlap import centre_distance, toolkit_overlap, vot_overlap
 from ssiam.geometry import iou
 
-BOUNDS = (64, 48)
 NAN = np.nan
-
-# Regions of some pixels, mostly within BOUNDS, some far outside.
-COORDINATES = st.floats(-40, 100, allow_nan=False, width=32)
-POLYGONS = arrays(np.float64, (1, 8), elements=COORDINATES)
-BOXES = st.tuples(st.floats(5, 30), st.floats(5, 20), st.floats(2, 25), st.floats(2, 20)).map(
-    lambda box: np.array([box])
-)
 BOTH = pytest.mark.parametrize("overlap", [vot_overlap, toolkit_overlap], ids=["pysot", "vot"])
 
 
@@ -55,74 +47,6 @@ def test_whole_pixels_of_shift_change_nothing(overlap, a, b, dx, dy):
     shift = np.array([dx, dy] * 4) + 20
     there = overlap(corners(a) + 20, corners(b) + 20, wide)
     np.testing.assert_array_equal(overlap(corners(a) + shift, corners(b) + shift, wide), there)
-
-
-def drawn(polygon, width, height, closed):
-    """The pixels of a polygon of whole numbers, row by row as the toolkits' pages tell it."""
-    polygon = polygon.astype(np.float64)
-    mask = np.zeros((height, width), bool)
-    for row in range(height):
-        nodes = []
-        for i in range(4):
-            (x, y), (px, py) = polygon[i], polygon[i - 1]
-            if not min(y, py) <= row <= max(y, py) or (y == py and not closed):
-                continue
-            nodes.append(int(x + (row - y) / (py - y) * (px - x)) if y != py else int(x))
-        nodes.sort()
-        i = 0
-        while i < len(nodes) - 1:
-            if nodes[i] == nodes[i + 1] and (not closed or i < len(nodes) - 2):
-                i += 1
-                continue
-            mask[row, max(nodes[i], 0) : max(nodes[i + 1] + 1, 0)] = True
-            i += 2
-    return mask
-
-
-def away_from_zero(values):
-    return np.sign(values) * np.floor(np.abs(values) + 0.5)
-
-
-@settings(max_examples=150, deadline=None)
-@given(a=POLYGONS, b=POLYGONS)
-def test_pysot_is_what_drawing_gives(a, b):
-    sides = [polygon.reshape(4, 2).astype(np.float32) for polygon in (a, b)]
-    low = [np.maximum(np.floor(p.min(axis=0)), 0) for p in sides]
-    high = [np.minimum(np.ceil(p.max(axis=0)), BOUNDS) for p in sides]
-    found = vot_overlap(a, b, BOUNDS)[0]
-    if any((end <= start).any() for start, end in zip(low, high, strict=True)):
-        return  # nothing of one is in the picture; the golden numbers have such
-    both = np.minimum(*high) - np.maximum(*low)
-    if both.prod() <= 0:
-        assert found == 0
-        return
-    if both.max() < 0:
-        assert not found > 0  # 0, or nan where no pixel is drawn of either
-        return
-    corner = np.minimum(*low)
-    width, height = (np.maximum(*high) - corner).astype(int) + 1
-    masks = [drawn(away_from_zero(p - corner), width, height, closed=False) for p in sides]
-    covered = (masks[0] | masks[1]).sum()
-    if covered == 0:
-        assert np.isnan(found)
-    else:
-        assert found == pytest.approx((masks[0] & masks[1]).sum() / covered, abs=1e-6)
-
-
-@settings(max_examples=150, deadline=None)
-@given(a=POLYGONS, b=POLYGONS)
-def test_vot_toolkit_is_what_drawing_gives(a, b):
-    sides = [np.round(polygon.reshape(4, 2).astype(np.float32)) for polygon in (a, b)]
-    low = np.maximum(np.min([p.min(axis=0) for p in sides], axis=0), 0)
-    high = np.minimum(np.max([p.max(axis=0) for p in sides], axis=0), np.array(BOUNDS) - 1)
-    found = toolkit_overlap(a, b, BOUNDS)[0]
-    if (low >= high).any():
-        return
-    width, height = (high - low).astype(int) + 1
-    masks = [drawn(p - low, width, height, closed=True) for p in sides]
-    covered = (masks[0] | masks[1]).sum()
-    expected = (masks[0] & masks[1]).sum() / covered if covered else 0
-    assert found == pytest.approx(expected, abs=1e-9)
 
 
 PYSOT_CASES = [

@@ -1,4 +1,4 @@
-"""Small sets of training data, written the way they are published."""
+"""Small sets of training data, written the way they are published, and opened."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import zlib
 
 import cv2
 import numpy as np
+
+from ssiam.training import SourceSettings, open_training_source
 
 # The object of every picture unless told otherwise: x, y, w, h.
 BOX = (60, 50, 40, 30)
@@ -106,3 +108,7 @@ def write_stamps(root, count=3):
         write_image(root / f"stamps/{number}.png", stamp)
         write_image(root / f"grounds/{number}.jpg", scene(OTHER, seed=number))
     return root
+
+
+def opened(layout, path, **options):
+    return open_training_source(SourceSettings(layout, str(path), **options))

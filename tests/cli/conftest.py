@@ -1,0 +1,17 @@
+"""Inputs of the commands that several test files share; nothing writes into them."""
+
+import pytest
+from tracked_clip import write_clip
+
+from tiny import write_dataset
+
+
+@pytest.fixture(scope="session")
+def clip(tmp_path_factory):
+    path = tmp_path_factory.mktemp("clip") / "clip.mp4"
+    return path, write_clip(path)
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory):
+    return write_dataset(tmp_path_factory.mktemp("tiny"), sequences=2, frames=10)

@@ -1,0 +1,65 @@
+"""`ssiam track` where the video or the run breaks off: what came before is kept."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import pytest
+from tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
+
+from synthetic import world
+
+
+def test_a_truncated_video_is_tracked_as_far_as_it_goes(tmp_path):
+    write_clip(tmp_path / "whole.mkv")
+    content = (tmp_path / "whole.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(content[: len(content) // 2])
+    done = run("track", "cut.mkv", "--box", box_of(BOX), "--tracker", "kcf", cwd=tmp_path)
+    assert done.returncode == 3
+    assert done.stderr.startswith("ssiam: cut.mkv")
+    assert done.stderr.count("\n") == 1
+    rows = rows_of(tmp_path / "cut-tracked.csv")
+    assert 5 < len(rows) < COUNT
+    assert len(decoded(tmp_path / "cut-tracked.mp4")[0]) == len(rows)
+
+
+def test_frames_that_change_their_size_keep_what_came_before(tmp_path):
+    (tmp_path / "frames").mkdir()
+    for index in range(8):
+        size = SIZE if index < 6 else (160, 120)
+        cv2.imwrite(str(tmp_path / "frames" / f"{index}.png"), world(size_wh=size))
+    done = run("track", "frames", "--box", box_of(BOX), "--tracker", "kcf", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "160x120" in done.stderr
+    assert len(rows_of(tmp_path / "frames-tracked.csv")) == 6
+    assert len(decoded(tmp_path / "frames-tracked.mp4")[0]) == 6
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["ctrl-c", "terminated"]
+)
+def test_interrupted_runs_leave_whole_files(tmp_path, number, code):
+    write_clip(tmp_path / "long.mp4", count=400)
+    command = [sys.executable, "-m", "ssiam", "track", "long.mp4", "--box", box_of(BOX)]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    results = tmp_path / "long-tracked.csv"
+    deadline = time.monotonic() + 60
+    while not results.exists() or results.read_bytes().count(b"\n") < 15:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(number)
+    told, complained = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert complained == ""
+    assert "long-tracked.mp4" in told
+    text = results.read_text()
+    assert text.endswith("\n")
+    rows = rows_of(results)
+    assert 10 < len(rows) < 400
+    assert None not in rows[-1].values()
+    assert abs(len(decoded(tmp_path / "long-tracked.mp4")[0]) - len(rows)) <= 1
