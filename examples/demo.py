@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo with the arguments given."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("demo-out"), help="folder to write to")
-    parser.add_argument("--tracker", default="csrt", choices=ssiam.TRACKERS)
+    parser.add_argument("--tracker", default="lite", choices=ssiam.TRACKERS)
     parser.add_argument("--weights", type=Path, help="of trackers that have any")
     arguments = parser.parse_args(argv)
     arguments.out.mkdir(parents=True, exist_ok=True)

@@ -43,8 +43,8 @@ _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
 _AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 # From benchmarks/search_parameters.py, on videos that training left out.
-PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.3, lr=0.6)
-CONFIDENCE: Final = Confidence((1.38, 1.75), -0.94)  # from benchmarks/confidence.py
+PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.2, lr=0.6)
+CONFIDENCE: Final = Confidence((1.51, 1.53), -0.88)  # from benchmarks/confidence.py
 
 
 @dataclass(frozen=True)
