@@ -4,6 +4,7 @@ import csv
 import json
 import time
 import zipfile
+from queue import SimpleQueue
 from xml.etree import ElementTree
 
 import numpy as np
@@ -152,13 +153,14 @@ def test_an_open_recording_cannot_be_fetched_and_is_the_only_one(recordings):
 
 
 def test_everybody_hears_of_changes(recordings):
-    told = []
-    end = recordings.listen(told.append)
+    told: SimpleQueue[list] = SimpleQueue()
+    end = recordings.listen(told.put)
     recorded(recordings, 2)
-    assert [listing[0]["open"] for listing in told] == [True, False]
+    assert [told.get(timeout=10)[0]["open"] for _ in range(2)] == [True, False]
     end()
     recorded(recordings, 2)
-    assert len(told) == 2
+    recordings.close()  # waits until there is nothing more to tell
+    assert told.empty()
 
 
 def test_recordings_are_kept_where_that_is_wished(tmp_path):
