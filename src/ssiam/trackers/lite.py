@@ -139,7 +139,7 @@ class LiteTracker:
         evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
         probability = self._confidence.probability(evidence)
         found = Track(self._state.xywh, probability, evidence=evidence)
-        return self._masked(found, mask_logits, view, last) if self._masks else found
+        return self._masked(found, mask_logits, view, last, side) if self._masks else found
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""
@@ -163,11 +163,12 @@ class LiteTracker:
             [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
         )
 
-    def _masked(self, found: Track, logits: Tensor, view: FrameView, last: TargetState) -> Track:
+    def _masked(
+        self, found: Track, logits: Tensor, view: FrameView, last: TargetState, side: int
+    ) -> Track:
         """With the mask in the view's pixels, and its rotated box if that agrees with the box."""
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        side = round(SEARCH / EXEMPLAR * last.context_side)
         mask = pasted(logits, last.centre_xy, side, view.size_wh, margin)
         corners = _corners(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)

@@ -26,18 +26,14 @@ class StemLesson:
 
     Parameters
     ----------
-    blocks : int
-        Of the backbone.
     weights : Path, optional
-        Its ImageNet weights; by default those of the installed package.
+        The ImageNet weights; by default those of the installed package.
     threads : int
     precision : {"f32", "bf16"}
     """
 
-    def __init__(
-        self, blocks: int, weights: Path | None, threads: int, precision: Precision
-    ) -> None:
-        backbone = EfficientNetLite0(blocks).eval()
+    def __init__(self, weights: Path | None, threads: int, precision: Precision) -> None:
+        backbone = EfficientNetLite0().eval()
         load_imagenet(backbone, weights)
         self._trunk = Trunk(backbone, STEM_LEVELS, (SEARCH,), threads, precision)
 

@@ -119,8 +119,8 @@ class Student(nn.Module):
     def _prepare_stem(self) -> None:
         if self._lesson is not None:
             return
-        blocks, weights = self._settings.blocks, self._settings.weights_path
-        self._lesson = StemLesson(blocks, weights, self._threads, self._precision)
+        weights = self._settings.weights_path
+        self._lesson = StemLesson(weights, self._threads, self._precision)
         self._free(self.stem_weights())
 
     def _free(self, weights: list[nn.Parameter]) -> None:
