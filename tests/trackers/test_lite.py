@@ -79,11 +79,15 @@ class TestLiteWithoutMask(LoopTests):
         assert (track.mask, track.corners) == (None, None)
 
 
+NOISE = np.random.default_rng(0).normal(0, 4, (1, 1, 64, 64)).astype(np.float32)
+EVERYWHERE = (-5000.0, -5000.0, 10000.0, 10000.0)
+
+
 def test_a_mask_is_pasted_where_its_crop_was_cut():
     """The four pixels of a cell, in a crop of the picture's own size."""
     logits = np.full((1, 1, 64, 64), -20, np.float32)
     logits[0, 0, 30, 40] = 20
-    mask = pasted(logits, (200.0, 180.0), 255, (400, 300)).inside((400, 300))
+    mask = pasted(logits, (200.0, 180.0), 255, EVERYWHERE, (400, 300)).inside((400, 300))
     rows, columns = np.nonzero(mask)
     left, top = 72, 52  # of the crop: whole pixels, the nearest up to centre - 255 / 2
     assert (rows.mean() - top, columns.mean() - left) == pytest.approx((121.5, 161.5), abs=0.5)
@@ -96,9 +100,19 @@ def test_a_mask_is_pasted_where_its_crop_was_cut():
 @pytest.mark.parametrize("margin", [0, 50])
 def test_of_a_mask_the_part_in_the_picture_is_shown(centre_xy, margin):
     """Of a crop over the edge, or beyond it: the pixels are those of a larger picture."""
-    logits = np.random.default_rng(0).normal(0, 4, (1, 1, 64, 64)).astype(np.float32)
     far = 1000
-    beyond = pasted(logits, (centre_xy[0] + far, centre_xy[1] + far), 400, (3000, 3000))
+    there = centre_xy[0] + far, centre_xy[1] + far
+    beyond = pasted(NOISE, there, 400, EVERYWHERE, (3000, 3000))
     whole = beyond.inside((3000, 3000))[far : far + 300, far : far + 400]
-    mask = pasted(logits, centre_xy, 400, (400, 300), margin)
+    mask = pasted(NOISE, centre_xy, 400, EVERYWHERE, (400, 300), margin)
     assert (mask.inside((400, 300)) == whole).all()
+
+
+def test_far_from_the_box_there_is_no_mask():
+    centre_xy, size_wh = (200.0, 150.0), (400, 300)
+    whole = pasted(NOISE, centre_xy, 300, EVERYWHERE, size_wh).inside(size_wh)
+    mask = pasted(NOISE, centre_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).inside(size_wh)
+    near = np.zeros_like(whole)
+    near[95:156, 140:261] = True
+    assert (mask == whole & near).all()
+    assert mask.sum() < whole.sum()

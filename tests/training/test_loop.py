@@ -17,7 +17,7 @@ from ssiam.runtime import Running  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
 from ssiam.training.finished import write_so_far  # noqa: E402
-from ssiam.training.settings import NetworkSettings  # noqa: E402
+from ssiam.training.network_settings import NetworkSettings  # noqa: E402
 from ssiam.training.trainer import Trainer  # noqa: E402
 from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
 from synthetic import golden_video  # noqa: E402
@@ -108,6 +108,19 @@ def test_losses_fall(weights, network, share):
     trainer = Trainer(toy.settings(weights, steps=30, batch=4, network=settings))
     losses = [float(sum(trainer.learn(toy.batch(step, 4)).values())) for step in range(30)]
     assert sum(losses[-5:]) < share * sum(losses[:5])
+
+
+def test_masks_alone_are_learnt(weights, undisturbed):
+    """All else, statistics of normalisations too, stays as it was."""
+    begin = undisturbed / "weights.pth"
+    network = NetworkSettings(weights=str(weights), begin=str(begin), learns="mask")
+    trainer = Trainer(toy.settings(weights, steps=30, batch=4, network=network))
+    losses = [float(trainer.learn(toy.batch(step, 4))["mask"]) for step in range(30)]
+    assert sum(losses[-5:]) < 0.9 * sum(losses[:5])
+    before, after = torch.load(begin), trainer.average.network.state_dict()
+    changed = {key for key in after if not torch.equal(before[key], after[key])}
+    assert changed
+    assert all(key.startswith("mask_head.") for key in changed)
 
 
 def test_a_run_begins_where_another_has_ended(weights, undisturbed):

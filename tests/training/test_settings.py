@@ -42,6 +42,12 @@ def test_the_config_of_the_repository():
         pytest.param(
             f"[network]\ntrained_levels = 2\n{SOURCE}", "trained_levels 2", id="half a stem"
         ),
+        pytest.param(f'[network]\nlearns = "mask"\n{SOURCE}', "give begin", id="mask of nothing"),
+        pytest.param(
+            f'[network]\nlearns = "mask"\nbegin = "w"\n[teacher]\nweights = "t"\n{SOURCE}',
+            "a teacher knows no masks",
+            id="mask from a teacher",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, capsys, text, complaint):

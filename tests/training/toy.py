@@ -9,7 +9,8 @@ import torch
 from ssiam.networks.efficientnet_lite import EfficientNetLite0
 from ssiam.training.batches import Batch
 from ssiam.training.loop import train
-from ssiam.training.settings import NetworkSettings, OptimiserSettings, TrainSettings
+from ssiam.training.network_settings import NetworkSettings
+from ssiam.training.settings import OptimiserSettings, TrainSettings
 from synthetic import generator
 
 SQUARE = 56  # px, in both crops
@@ -37,7 +38,7 @@ def batch(step, size):
         x, y = 127 + dx - SQUARE // 2, 127 + dy - SQUARE // 2
         search[i, 2, y : y + SQUARE, x : x + SQUARE] = 250
         box[i] = dx, dy, SQUARE, SQUARE
-        mask[i, y // 4 : (y + SQUARE) // 4, x // 4 : (x + SQUARE) // 4] = 1
+        mask[i, y // 4 : (y + SQUARE) // 4, x // 4 : (x + SQUARE) // 4] = 255
     return Batch(template, search, box, present, mask, present.copy(), np.ones(size, np.float32))
 
 

@@ -27,7 +27,7 @@ CELLS: Final = 32  # a side, of the response maps
 MASK_CELLS: Final = 64  # a side, of the mask; 4 px each
 
 _WIDTH: Final = 96  # channels of the features that are compared
-_MASK_WIDTH: Final = 32
+_MASK_WIDTHS: Final = (32, 24, 16)  # at stride 8, where it meets stride 4, and there
 _KERNEL_SIDE: Final = 8  # cells: the middle 64 px of the template crop, which the target fills
 _RARE: Final = 0.01  # share of cells on the target, from which the scores start
 _START: Final = 32.0  # px, distances at first: half of a target in the crops
@@ -116,7 +116,7 @@ class LiteNetwork(SiameseNetwork):
             score=self.score(self.score_tower(response)),
             quality=self.quality(boxes),
             distances=strides * STRIDE,
-            mask=self.mask_head(response, levels[0]),
+            mask=self.mask_head((response, boxes, features), levels[0]),
         )
 
     def _start(self) -> None:
@@ -144,20 +144,25 @@ class _Neck(nn.Module):
 
 
 class _MaskHead(nn.Module):
+    """From what is known at stride 8, and the edges of stride 4, logits (N, 1, 64, 64).
+
+    The response tells where the target is, the box tower how far it reaches, and the features
+    what belongs together.
+    """
+
     def __init__(self) -> None:
         super().__init__()
-        self.coarse = _projected(_WIDTH, _MASK_WIDTH)
-        self.fine = _projected(CHANNELS[0], _MASK_WIDTH)
-        # Not depthwise: at this size its gradient would take as long as those of all other heads.
-        self.join = nn.Sequential(
-            _normed(nn.Conv2d(_MASK_WIDTH, _MASK_WIDTH // 2, 3, padding=1, bias=False)),
-            _normed(nn.Conv2d(_MASK_WIDTH // 2, _MASK_WIDTH // 2, 3, padding=1, bias=False)),
-        )
-        self.logits = nn.Conv2d(_MASK_WIDTH // 2, 1, 1)
+        known, joint, last = _MASK_WIDTHS
+        self.known = nn.ModuleList(_projected(_WIDTH, known) for _ in range(3))
+        self.coarse = _convolved(known, joint)
+        self.fine = _projected(CHANNELS[0], joint)
+        self.join = nn.Sequential(_convolved(joint, last), _convolved(last, last))
+        self.logits = nn.Conv2d(last, 1, 1)
 
-    def forward(self, response: Tensor, stride4: Tensor) -> Tensor:
-        both = _doubled(self.coarse(response)) + self.fine(stride4)
-        logits: Tensor = self.logits(self.join(F.relu(both)))
+    def forward(self, stride8: Sequence[Tensor], stride4: Tensor) -> Tensor:
+        together = [project(maps) for project, maps in zip(self.known, stride8, strict=True)]
+        coarse = self.coarse(F.relu(together[0] + together[1] + together[2]))
+        logits: Tensor = self.logits(self.join(F.relu(_doubled(coarse) + self.fine(stride4))))
         return logits
 
 
@@ -168,6 +173,11 @@ class _Separable(nn.Sequential):
         depthwise = nn.Conv2d(channels, channels, 5, padding=2, groups=channels, bias=False)
         pointwise = nn.Conv2d(channels, channels, 1, bias=False)
         super().__init__(_normed(depthwise), _normed(pointwise))
+
+
+def _convolved(channels: int, out: int) -> nn.Sequential:
+    """A 3 x 3 convolution, not depthwise: at these sizes that is as quick, and learns faster."""
+    return _normed(nn.Conv2d(channels, out, 3, padding=1, bias=False))
 
 
 def _normed(convolution: nn.Conv2d) -> nn.Sequential:

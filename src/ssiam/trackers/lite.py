@@ -169,7 +169,7 @@ class LiteTracker:
         """With the mask in the view's pixels, and its rotated box if that agrees with the box."""
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        mask = pasted(logits, last.centre_xy, side, view.size_wh, margin)
+        mask = pasted(logits, last.centre_xy, side, found.box, view.size_wh, margin)
         corners = _corners(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.geometry import XYWH
 from ssiam.runtime import Tensor
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+Span: TypeAlias = tuple[Floats, Floats]  # first pixels and ends, across and down
 
 _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 4  # px of the crop in a cell of the mask
 _HALF: Final = 127  # of 255, a probability of one half
+_REACH: Final = 1.2  # times the box's width and height
 
 
 def crop_corner(centre_xy: tuple[float, float], side: int) -> Floats:
@@ -51,10 +54,11 @@ def pasted(
     logits: Tensor,
     centre_xy: tuple[float, float],
     crop_side: int,
+    xywh: XYWH,
     size_wh: tuple[int, int],
     margin: int = 0,
 ) -> PastedMask:
-    """The mask where the search crop lies in the picture.
+    """The mask of the target where its box lies in the picture.
 
     Parameters
     ----------
@@ -64,6 +68,8 @@ def pasted(
         Centre of the search region, pixels of the picture.
     crop_side : int
         Its side, likewise.
+    xywh : (x, y, w, h)
+        The target's box, likewise; far from it the mask shows something else.
     size_wh : (int, int)
         The picture's width and height.
     margin : int
@@ -78,11 +84,22 @@ def pasted(
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
     scale = _STRIDE * zoom
     corner = crop_corner(centre_xy, crop_side)
-    first = np.maximum(corner - np.ceil(scale), -margin)
-    last = np.minimum(corner + np.ceil(crop_side + 2 * scale), np.add(size_wh, margin))
+    crop = corner - np.ceil(scale), corner + np.ceil(crop_side + 2 * scale)
+    first, last = _shared(crop, _around(xywh), (np.full(2, -margin), np.add(size_wh, margin)))
     width, height = np.maximum(last - first, 1).astype(int).tolist()
     # Pixel p of the crop shows corner + (p + 0.5) * zoom - 0.5.
     x, y = corner + scale / 2 - 0.5 - first
     part_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
     part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
     return PastedMask(part, (int(first[0]), int(first[1])))
+
+
+def _around(xywh: XYWH) -> Span:
+    """Where the mask of a target with this box may lie."""
+    size = np.array(xywh[2:])
+    low = np.floor(xywh[:2] - (_REACH - 1) / 2 * size)
+    return low, low + np.ceil(_REACH * size) + 1
+
+
+def _shared(*spans: Span) -> Span:
+    return np.maximum.reduce([low for low, _ in spans]), np.minimum.reduce([to for _, to in spans])

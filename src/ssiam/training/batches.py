@@ -33,7 +33,7 @@ class Pair(NamedTuple):
     present : bool
         Whether the target is in the search crop.
     mask : (64, 64) uint8, optional
-        1 where the target covers half of a cell of 4x4 pixels; None: not told.
+        How much of each cell of 4x4 pixels the target covers, 0..255; None: not told.
     """
 
     template: Image
@@ -56,7 +56,7 @@ class Batch:
         (127, 127); zeros where it is not present.
     present : (N,) bool
     mask : (N, 64, 64) uint8
-        0 or 1; cell (i, j) is pixels 4 i..4 i + 3 and 4 j..4 j + 3.
+        Covered share of cells, 0..255; cell (i, j) is pixels 4 i..4 i + 3 and 4 j..4 j + 3.
     masked : (N,) bool
         Whether the mask is told; a target that is not present has an empty one.
     weight : (N,) float32

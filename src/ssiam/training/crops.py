@@ -121,11 +121,11 @@ def crop_mask(mask: Mask, window: Window) -> NDArray[np.uint8]:
 
 
 def mask_cells(coverage: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Cells (64, 64) of 4x4 pixels, 1 where half is covered, of a search crop's `crop_mask`."""
+    """Coverage (64, 64) uint8, 0..255, of cells of 4x4 pixels, of a search crop's `crop_mask`."""
     beyond = MASK * MASK_STRIDE - SEARCH
     whole = cv2.copyMakeBorder(coverage, 0, beyond, 0, beyond, cv2.BORDER_REPLICATE)
     cells = cv2.resize(whole, (MASK, MASK), interpolation=cv2.INTER_AREA)
-    return (cells >= 128).astype(np.uint8)
+    return np.asarray(cells, dtype=np.uint8)
 
 
 def _warped(image: NDArray[np.uint8], window: Window, fill: Sequence[float]) -> NDArray[np.uint8]:

@@ -20,7 +20,7 @@ _LEAST: Final = 1e-6
 
 
 class Truth(NamedTuple):
-    """What is known of N pairs: the fields of `Batch` as tensors, `mask` as float32."""
+    """What is known of N pairs: the fields of `Batch` as tensors, `mask` as float32 in 0..1."""
 
     box: Tensor
     present: Tensor
@@ -89,12 +89,15 @@ def _score_loss(logits: Tensor, targets: Targets, weight: Tensor, settings: Loss
 
 
 def _mask_loss(logits: Tensor, truth: Truth) -> Tensor:
-    """Cross-entropy and, where there is a target, 1 - Dice; means over the pairs with masks."""
+    """Cross-entropy and, where there is a target, 1 - Dice; means over the pairs with masks.
+
+    Dice as of V-Net (Milletari et al., 3DV 2016), which is 1 for shares that are met as well.
+    """
     weight = truth.weight * truth.masked
     entropy = _cross_entropy(logits, truth.mask).mean(dim=(1, 2))
-    inside = logits.sigmoid()
-    shared = 2 * (inside * truth.mask).sum(dim=(1, 2)) + 1
-    dice = 1 - shared / (inside.sum(dim=(1, 2)) + truth.mask.sum(dim=(1, 2)) + 1)
+    inside, both = logits.sigmoid(), (1, 2)
+    shared = 2 * (inside * truth.mask).sum(dim=both) + 1
+    dice = 1 - shared / (inside.square().sum(dim=both) + truth.mask.square().sum(dim=both) + 1)
     return _mean(entropy, weight) + _mean(dice, weight * truth.present)
 
 

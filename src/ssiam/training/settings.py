@@ -3,83 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any, Final, Literal
 
-from ssiam.networks.lite import BLOCKS
+from ssiam.errors import ArgumentError
+from ssiam.training.network_settings import NetworkSettings
 from ssiam.training.opening import SourceSettings
 from ssiam.training.pair_settings import PairSettings
 from ssiam.training.validation_settings import ValidationSettings, require
 
 __all__ = [
     "LossSettings",
-    "NetworkSettings",
     "OptimiserSettings",
     "TeacherSettings",
     "TrainSettings",
 ]
 
-LEVELS: Final = 3  # of the backbone
 # These may differ when a run goes on; all others would make it another run.
 _FREE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
-
-
-@dataclass(frozen=True)
-class NetworkSettings:
-    """What is trained.
-
-    Attributes
-    ----------
-    blocks : int
-        Of the backbone, 9 to 11.
-    light : bool
-        Whether a light stem takes the place of the backbone's first two levels.
-    weights : str, optional
-        File of the backbone's ImageNet weights; None: that of the installed package.
-    begin : str, optional
-        The weights.pth of a run to begin with, which may have had no light stem.
-    stem_steps : int
-        Steps in which only the light stem learns, from the blocks that it stands for.
-    frozen_steps : int
-        Steps, with those, until the backbone learns.
-    trained_levels : int
-        Levels of the backbone that learn from then on, from the deepest: 0, 1 (stride 16) or 2
-        (strides 16 and 8); with a light stem 0, 1 or 3 (all). What is before them does not learn
-        and runs in OpenVINO.
-    """
-
-    blocks: int = BLOCKS
-    light: bool = True
-    weights: str | None = None
-    begin: str | None = None
-    stem_steps: int = 1000
-    frozen_steps: int = 5000
-    trained_levels: int = 1
-
-    def __post_init__(self) -> None:
-        wanted = (0, 1, LEVELS) if self.light else (0, 1, 2)
-        require(
-            self.trained_levels in wanted,
-            "trained_levels",
-            self.trained_levels,
-            ", ".join(map(str, wanted)),
-        )
-        for name in ("stem_steps", "frozen_steps"):
-            require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
-
-    @property
-    def weights_path(self) -> Path | None:
-        """Of the ImageNet weights, if they are not the installed package's."""
-        return None if self.weights is None else Path(self.weights)
-
-    @property
-    def stem_alone(self) -> int:
-        """Number of the first steps, in which only a light stem learns."""
-        return self.stem_steps if self.light else 0
-
-    def frozen_levels(self, step: int) -> int:
-        """Levels of the backbone that do not learn in a step."""
-        return LEVELS if step < self.frozen_steps else LEVELS - self.trained_levels
 
 
 @dataclass(frozen=True)
@@ -203,6 +143,8 @@ class TrainSettings:
         for name in ("steps", "batch", "threads", "log_every"):
             require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
         require(self.workers >= 0, "workers", self.workers, "0 or more")
+        if self.network.learns == "mask" and self.teacher is not None:
+            raise ArgumentError('a teacher knows no masks: leave it out where learns = "mask"')
 
     def identity(self) -> dict[str, Any]:
         """What makes this run this run: the values by name, of plain types."""

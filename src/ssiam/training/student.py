@@ -15,7 +15,7 @@ from ssiam.networks.lite import LiteNetwork, LiteResponses
 from ssiam.networks.starting_weights import load_imagenet, load_trained
 from ssiam.runtime import Precision
 from ssiam.training.batches import SEARCH, TEMPLATE
-from ssiam.training.settings import NetworkSettings
+from ssiam.training.network_settings import NetworkSettings
 from ssiam.training.stem import StemLesson
 from ssiam.training.teacher import Adapter
 from ssiam.training.trunk import Trunk
@@ -80,6 +80,9 @@ class Student(nn.Module):
         if frozen:
             sides = TEMPLATE, SEARCH
             self._trunk = Trunk(backbone, frozen, sides, self._threads, self._precision)
+        if self._settings.learns == "mask":
+            self._free_mask()
+            return
         self._free([*self.backbone_weights(frozen), *([] if frozen else self.stem_weights())])
         backbone.eval()
 
@@ -122,6 +125,11 @@ class Student(nn.Module):
         weights = self._settings.weights_path
         self._lesson = StemLesson(weights, self._threads, self._precision)
         self._free(self.stem_weights())
+
+    def _free_mask(self) -> None:
+        """Let the mask head learn, and nothing else."""
+        self.network.eval().requires_grad_(False)
+        self.network.mask_head.train().requires_grad_(True)
 
     def _free(self, weights: list[nn.Parameter]) -> None:
         """Let the backbone learn these of its weights, and no others."""

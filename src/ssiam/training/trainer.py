@@ -121,7 +121,7 @@ def _truth(batch: Batch) -> Truth:
     return Truth(
         box=torch.from_numpy(batch.box),
         present=torch.from_numpy(batch.present),
-        mask=torch.from_numpy(batch.mask).float(),
+        mask=torch.from_numpy(batch.mask).float() / 255,
         masked=torch.from_numpy(batch.masked),
         weight=torch.from_numpy(batch.weight),
     )
