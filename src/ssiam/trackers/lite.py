@@ -7,6 +7,7 @@ asymmetry: centres are those of the boxes, x + w / 2, and crops count from where
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
@@ -45,6 +46,7 @@ _AGREE: Final = 0.8  # overlap from which the mask is believed about the target'
 # From benchmarks/search_parameters.py, on videos that training left out.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.2, lr=0.6)
 CONFIDENCE: Final = Confidence((1.51, 1.53), -0.88)  # from benchmarks/confidence.py
+MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,9 @@ class LiteTracker:
         Of the logits of the chosen cell's score and quality.
     masks : bool
         Without, there are neither masks nor rotated boxes.
+    mask_threshold : float
+        Probability above which a pixel is the target's: less than a half, as the overlap (IoU) is
+        best where doubtful pixels count.
     """
 
     doubt = 0.0
@@ -102,11 +107,13 @@ class LiteTracker:
         confidence: Confidence = CONFIDENCE,
         *,
         masks: bool = True,
+        mask_threshold: float = MASK_THRESHOLD,
     ) -> None:
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
         self._masks = masks
+        self._mask_threshold = mask_threshold
         self._window = cosine_window(_SIDE)
         middles = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
         self._middles = np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
@@ -148,7 +155,13 @@ class LiteTracker:
 
     def another(self) -> LiteTracker:
         """A second tracker on the same networks."""
-        return LiteTracker(self._networks, self._parameters, self._confidence, masks=self._masks)
+        return LiteTracker(
+            self._networks,
+            self._parameters,
+            self._confidence,
+            masks=self._masks,
+            mask_threshold=self._mask_threshold,
+        )
 
     @staticmethod
     def _off(last: TargetState, side: int) -> Floats:
@@ -169,7 +182,8 @@ class LiteTracker:
         """With the mask in the view's pixels, and its rotated box if that agrees with the box."""
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        mask = pasted(logits, last.centre_xy, side, found.box, view.size_wh, margin)
+        least = math.log(self._mask_threshold / (1 - self._mask_threshold))
+        mask = pasted(logits - least, last.centre_xy, side, found.box, view.size_wh, margin)
         corners = _corners(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)
 

@@ -63,7 +63,8 @@ def pasted(
     Parameters
     ----------
     logits : (1, 1, 64, 64) float32
-        Cell (i, j) covers pixels 4 i to 4 i + 3 and 4 j to 4 j + 3 of the crop.
+        More than 0 on the target. Cell (i, j) covers pixels 4 i to 4 i + 3 and 4 j to 4 j + 3 of
+        the crop.
     centre_xy : (x, y)
         Centre of the search region, pixels of the picture.
     crop_side : int
@@ -78,7 +79,7 @@ def pasted(
     Returns
     -------
     PastedMask
-        True where the probability is more than a half.
+        True where the probability of the logits, between cells as well, is more than a half.
     """
     probability = (127.5 + 127.5 * np.tanh(logits[0, 0] / 2)).astype(np.uint8)
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
