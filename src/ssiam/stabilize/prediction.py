@@ -22,7 +22,7 @@ from ssiam.stabilize.config import StabilizerConfig
 Point = NDArray[np.float64]
 
 _FARTHEST: Final = 2.0  # target sizes; a prediction that was farther off counts as this far off
-_TRUSTED: Final = 0.15  # score from which a tracker's box tells how good the predictions were
+_TRUSTED: Final = 0.15  # score from which a tracker's box tells the target's speed
 _CAUTION: Final = 0.3  # target sizes by which a picture is at first believed to shake
 _FORGET: Final = 0.5  # share of its speed that a target loses in each frame without trust
 # A view comes back towards the raw frame: by a share of its shift and turn in each frame, and by
@@ -86,16 +86,22 @@ class Prediction:
         return x - w / 2, y - h / 2, w, h
 
     def observe(self, xywh: XYWH, score: float) -> None:
-        """The tracker has seen the target in `xywh` of the raw frame, with `score` 0..1."""
+        """The tracker has seen the target in `xywh` of the raw frame, with `score` 0..1.
+
+        Even where it hardly believes so, its box tells which prediction was best: a camera that
+        goes with a target which looks another every moment would else be taken for a shaking one.
+        """
         config, centre = self._config, _centre(xywh)
-        if config.trust and score < _TRUSTED:
+        doubtful = config.trust and score < _TRUSTED
+        if doubtful:
             self._speeds *= 1 - _FORGET
-        elif self._reliable:
+        if self._reliable:
             off = np.linalg.norm(self._places - centre, axis=1) / self._size
             keep = config.memory
             self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
-            moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
-            self._speeds += (1 - config.smoothing) * (moved - self._speeds)
+            if not doubtful:
+                moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
+                self._speeds += (1 - config.smoothing) * (moved - self._speeds)
         self._take(xywh)
 
     def _take(self, xywh: XYWH) -> None:
