@@ -52,7 +52,7 @@ class StabilizerConfig:
     turn : bool
         Of "predict": the camera's roll is taken out of the view.
     trust : bool
-        Of "predict": only boxes in which the tracker believes tell the target's speed.
+        Of "predict": boxes in which the tracker hardly believes tell less, and no speed.
     find : bool
         Of "predict": a target that is lost is looked for where it was in the scene.
     memory : float

@@ -24,6 +24,7 @@ Point = NDArray[np.float64]
 _FARTHEST: Final = 2.0  # target sizes; a prediction that was farther off counts as this far off
 _TRUSTED: Final = 0.15  # score from which a tracker's box tells the target's speed
 _CAUTION: Final = 0.3  # target sizes by which a picture is at first believed to shake
+_HALF: Final = 0.5  # of a frame, for which a doubtful box counts
 _FORGET: Final = 0.5  # share of its speed that a target loses in each frame without trust
 # A view comes back towards the raw frame: by a share of its shift and turn in each frame, and by
 # no more than a tracker hardly notices.
@@ -88,8 +89,9 @@ class Prediction:
     def observe(self, xywh: XYWH, score: float) -> None:
         """The tracker has seen the target in `xywh` of the raw frame, with `score` 0..1.
 
-        Even where it hardly believes so, its box tells which prediction was best: a camera that
-        goes with a target which looks another every moment would else be taken for a shaking one.
+        Where it hardly believes so, its box counts for half of what it tells about the predictions
+        (for nothing, a camera that goes with a target which looks another every moment would be
+        taken for a shaking one), and tells nothing about the target's speed.
         """
         config, centre = self._config, _centre(xywh)
         doubtful = config.trust and score < _TRUSTED
@@ -97,7 +99,7 @@ class Prediction:
             self._speeds *= 1 - _FORGET
         if self._reliable:
             off = np.linalg.norm(self._places - centre, axis=1) / self._size
-            keep = config.memory
+            keep = config.memory ** (_HALF if doubtful else 1.0)
             self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
             if not doubtful:
                 moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
