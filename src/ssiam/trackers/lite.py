@@ -15,12 +15,11 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corners
+from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.lite_mask import PastedMask, crop_corner, pasted
-from ssiam.trackers.mask_boxes import rectangle_box
+from ssiam.trackers.lite_mask import crop_corner, pasted, turned_box
 from ssiam.trackers.siamese import (
     EXEMPLAR,
     Floats,
@@ -41,7 +40,6 @@ SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
-_AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 # From benchmarks/search_parameters.py, on videos that training left out.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.2, lr=0.6)
@@ -184,19 +182,8 @@ class LiteTracker:
         margin = 0 if view.is_raw else view.border
         least = math.log(self._mask_threshold / (1 - self._mask_threshold))
         mask = pasted(logits - least, last.centre_xy, side, found.box, view.size_wh, margin)
-        corners = _corners(mask, found.box)
+        corners = turned_box(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)
-
-
-def _corners(mask: PastedMask, xywh: XYWH) -> Points:
-    """The mask's rotated box, if it agrees with the upright one; else that."""
-    upright = corners_from_xywh(xywh)
-    found = rectangle_box(mask.part)
-    if found is None:
-        return upright
-    turned = found + mask.corner_xy
-    agree = iou(xywh_from_corners(turned), xywh) >= _AGREE
-    return turned if agree else upright
 
 
 def _sigmoid(logits: Tensor) -> Floats:

@@ -1,4 +1,4 @@
-"""From the mask of a whole search crop to that of the picture."""
+"""From the mask of a whole search crop to that of the picture, and to the target's turn."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corners
 from ssiam.runtime import Tensor
+from ssiam.trackers.mask_boxes import rectangle_box
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -19,6 +20,7 @@ _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 4  # px of the crop in a cell of the mask
 _HALF: Final = 127  # of 255, a probability of one half
 _REACH: Final = 1.2  # times the box's width and height
+_AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 
 def crop_corner(centre_xy: tuple[float, float], side: int) -> Floats:
@@ -93,6 +95,17 @@ def pasted(
     part_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
     part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
     return PastedMask(part, (int(first[0]), int(first[1])))
+
+
+def turned_box(mask: PastedMask, xywh: XYWH) -> Points:
+    """Corners (4, 2) of the mask's rotated box, if it agrees with the upright one; else of that."""
+    upright = corners_from_xywh(xywh)
+    found = rectangle_box(mask.part)
+    if found is None:
+        return upright
+    turned = found + mask.corner_xy
+    agree = iou(xywh_from_corners(turned), xywh) >= _AGREE
+    return turned if agree else upright
 
 
 def _around(xywh: XYWH) -> Span:

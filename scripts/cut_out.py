@@ -1,6 +1,6 @@
 """Objects cut out of pictures by their masks: the stamps of lite_more_objects.toml.
 
-    python configs/cut_out.py data/stills/horses data/stills/cats --out data/cut_out
+    python scripts/cut_out.py data/stills/horses data/stills/cats --out data/cut_out
 
 A photograph of one object is of little use as it is: the search crop shows four times the target,
 and so mostly what lies beyond the picture, whose edge gives the target away. Pasted on other
