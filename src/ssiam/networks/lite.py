@@ -27,7 +27,7 @@ CELLS: Final = 32  # a side, of the response maps
 MASK_CELLS: Final = 64  # a side, of the mask; 4 px each
 
 _WIDTH: Final = 96  # channels of the features that are compared
-_MASK_WIDTHS: Final = (32, 24, 16)  # at stride 8, where it meets stride 4, and there
+_MASK_WIDTHS: Final = (32, 24, 16)  # channels at stride 8, where stride 4 is added, and after that
 _KERNEL_SIDE: Final = 8  # cells: the middle 64 px of the template crop, which the target fills
 _RARE: Final = 0.01  # share of cells on the target, from which the scores start
 _START: Final = 32.0  # px, distances at first: half of a target in the crops

@@ -116,4 +116,5 @@ def _around(xywh: XYWH) -> Span:
 
 
 def _shared(*spans: Span) -> Span:
+    """What lies in all of them; where nothing does, an end is not above its start."""
     return np.maximum.reduce([low for low, _ in spans]), np.minimum.reduce([to for _, to in spans])
