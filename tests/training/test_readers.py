@@ -1,5 +1,7 @@
 """Training sources of sequences, stamps and regions, and those that cannot be opened."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -36,6 +38,28 @@ def test_stamps_are_pasted_with_their_masks(tmp_path):
     np.testing.assert_array_equal(source.track(1).image(0), first)
 
 
+def test_rivals_go_beside_the_target_and_may_hide_it(tmp_path):
+    write_stamps(tmp_path, count=8)
+    grounds = (str(tmp_path / "grounds"),)
+    source = opened("stamps", tmp_path / "stamps", backgrounds=grounds, rivals=1.0)
+    hidden = 0
+    for track in map(source.track, range(20)):
+        assert 0 < len(track.rivals) <= 3
+        alone = replace(track, rivals=())
+        for t in range(track.frames):
+            mask, whole = track.mask(t), alone.mask(t)
+            assert not (mask & ~whole).any()
+            inner = cv2.erode(mask.astype(np.uint8), np.ones((11, 11))) > 0
+            np.testing.assert_array_equal(track.image(t)[inner], alone.image(t)[inner])
+            changed = (track.image(t) != alone.image(t)).any(axis=-1)
+            hidden += (whole & ~mask & changed).any()
+            x, y, w, h = alone.box(t)
+            rows, columns = changed.nonzero()
+            away = np.hypot(columns - x - w / 2, rows - y - h / 2).max(initial=0)
+            assert away < 3 * np.hypot(w, h)
+    assert 3 < hidden < 30
+
+
 def test_regions_have_texture(tmp_path):
     image = np.full((240, 320, 3), 90, np.uint8)
     image[60:180, 160:280] = scene(seed=5)[60:180, 160:280] * 4
@@ -54,6 +78,8 @@ def test_regions_have_texture(tmp_path):
         ({"layout": "imagenet"}, "unknown layout"),
         ({"layout": "voc", "weight": -1}, "weight -1"),
         ({"layout": "stamps"}, "need backgrounds"),
+        ({"layout": "stamps", "backgrounds": ("grounds",), "rivals": 1.5}, "rivals 1.5"),
+        ({"layout": "voc", "rivals": 0.5}, "rivals 0.5"),
     ],
 )
 def test_wrong_settings_are_told(options, said):

@@ -12,6 +12,7 @@ import torch
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError
 from ssiam.networks.checkpoints import read_content
+from ssiam.training.config import from_table
 from ssiam.training.settings import TrainSettings
 
 __all__ = ["CHECKPOINT", "read_state", "write_file", "write_state"]
@@ -51,8 +52,7 @@ def read_state(folder: Path, settings: TrainSettings) -> State | None:
             f"checkpoint {path} is damaged: take it away to train from the start, "
             "or put back a copy of it"
         ) from error
-    ours = json.loads(json.dumps(settings.identity()))
-    different = _different(theirs, ours)
+    different = _different(_completed(theirs), _plain(settings))
     if different:
         raise ArgumentError(
             f"{folder} holds a run with other settings ({different}): "
@@ -75,13 +75,36 @@ def write_file(path: Path, content: Any) -> None:
         raise SinkError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
+def _plain(settings: TrainSettings) -> Any:
+    return json.loads(json.dumps(settings.identity()))
+
+
+def _completed(values: Any) -> Any:
+    """A run's settings, where those that it could not have had yet have their default."""
+    try:
+        return _plain(from_table(TrainSettings, _without_none(values), ""))
+    except (ArgumentError, AttributeError, TypeError):  # of a later version
+        return values
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(each) for key, each in value.items() if each is not None}
+    return [_without_none(each) for each in value] if isinstance(value, list) else value
+
+
 def _different(theirs: Any, ours: Any, where: str = "") -> str:
     """The first value that differs, with its name; empty if none does."""
-    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+    if isinstance(theirs, list) and isinstance(ours, list):
+        if len(theirs) != len(ours):
+            return f"{where} are {len(theirs)} there and {len(ours)} here"
+        pairs = zip(theirs, ours, strict=True)
+        found = (_different(*pair, f"{where}[{i}]") for i, pair in enumerate(pairs))
+    elif isinstance(theirs, dict) and isinstance(ours, dict):
+        found = (
+            _different(theirs.get(key), ours.get(key), f"{where}.{key}" if where else key)
+            for key in sorted(theirs.keys() | ours.keys())
+        )
+    else:
         return "" if theirs == ours else f"{where} is {theirs!r} there and {ours!r} here"
-    for key in sorted(theirs.keys() | ours.keys()):
-        name = f"{where}.{key}" if where else key
-        found = _different(theirs.get(key), ours.get(key), name)
-        if found:
-            return found
-    return ""
+    return next(filter(None, found), "")

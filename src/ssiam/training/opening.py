@@ -59,6 +59,8 @@ class SourceSettings:
     alike : bool
         Two videos or pictures of it may show the very same object (a set of few scenes). Then
         what is not the target is always taken from another set.
+    rivals : float
+        Of "stamps": share 0..1 of the scenes in which others of about its size go beside it.
     """
 
     layout: str
@@ -70,6 +72,7 @@ class SourceSettings:
     without: tuple[str, ...] = ()
     backgrounds: tuple[str, ...] = ()
     alike: bool = False
+    rivals: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("layout of training data", self.layout, LAYOUTS)
@@ -77,6 +80,10 @@ class SourceSettings:
             raise ArgumentError(f"weight {self.weight} of {self.path}: give 0 or more")
         if (self.layout == "stamps") != bool(self.backgrounds):
             raise ArgumentError(f"{self.path}: stamps, and only they, need backgrounds")
+        if not 0 <= self.rivals <= (self.layout == "stamps"):
+            raise ArgumentError(
+                f"rivals {self.rivals} of {self.path}: give a share from 0 to 1, and to stamps only"
+            )
 
 
 def open_training_source(settings: SourceSettings, root: Path | None = None) -> Source:
@@ -111,7 +118,7 @@ def _opened(settings: SourceSettings, root: Path) -> Source:
     if settings.layout == "stamps":
         stamps = tuple(stamp for stamp in files_below(path, (".png",)) if stamp.stem in names)
         grounds = tuple(file for part in settings.backgrounds for file in _named(root / part))
-        return StampSource(name, stamps, grounds, weight, settings.alike)
+        return StampSource(name, stamps, grounds, weight, settings.alike, settings.rivals)
     dataset = open_dataset(path, settings.layout, split=settings.split)
     return SequenceSource(name, dataset, names, weight, settings.alike)
 

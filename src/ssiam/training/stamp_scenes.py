@@ -19,6 +19,10 @@ _TILT = 12.0  # degrees, standard deviation of an object's roll
 _SEEN = (0.55, 1.0)
 _LIGHT = 0.2  # standard deviation of the log of each colour's gain
 
+# A rival: how far away its middle is, in long sides of the target; how much its size may differ.
+_APART = (0.4, 1.6)
+_UNLIKE = 0.1
+
 # From frame to frame, standard deviations.
 _STEP = 9.0  # pixels
 _TURN = 3.0  # degrees
@@ -82,6 +86,16 @@ def poses(rng: np.random.Generator, frames: int) -> list[Pose]:
     ]
 
 
+def beside(target: Pose, own: Pose, rng: np.random.Generator) -> Pose:
+    """The pose of a rival of a way of its own: next to the target, which it goes along with."""
+    size = float(np.clip(target.size + rng.uniform(-_UNLIKE, _UNLIKE), 0, 1))
+    distance = rng.uniform(*_APART) * _long_side(target)
+    direction = rng.uniform(0, 2 * np.pi)
+    x, y = distance * np.cos(direction), distance * np.sin(direction)
+    place = (target.place[0] + x / SIZE_WH[0], target.place[1] + y / SIZE_WH[1])
+    return replace(own.seen_by(target), place=place, size=size)
+
+
 def backdrop(picture: Image, camera: Pose) -> Image:
     """The scene (480, 640, 3) without objects: a part of a picture, mirrored beyond its edges."""
     width, height = SIZE_WH
@@ -122,14 +136,17 @@ def paste(scene: Image, stamp: Image, pose: Pose) -> NDArray[np.bool_]:
 
 def _shrunk(stamp: Image, pose: Pose) -> tuple[Image, float]:
     """The stamp no larger than it is to be, and the zoom that is left to do."""
-    smallest, largest = _OBJECT
-    side = smallest * (largest / smallest) ** pose.size * pose.growth
-    zoom = side / max(stamp.shape[:2])
+    zoom = _long_side(pose) / max(stamp.shape[:2])
     if zoom >= 1:
         return stamp, zoom
     small_wh = [max(2, round(zoom * n)) for n in stamp.shape[1::-1]]
     small = cv2.resize(stamp, small_wh, interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.uint8), 1.0
+
+
+def _long_side(pose: Pose) -> float:
+    smallest, largest = _OBJECT
+    return float(smallest * (largest / smallest) ** pose.size * pose.growth)
 
 
 def _premultiplied(stamp: Image, pose: Pose) -> NDArray[np.float32]:

@@ -1,7 +1,8 @@
 """Stamps: pictures of objects cut out (PNGs with alpha), pasted on any background picture.
 
 A scene is a few frames in which the object, the camera and the light change a little; masks are
-exact. Every stamp is pasted several times, each time elsewhere and on another picture.
+exact. Every stamp is pasted several times, each time elsewhere and on another picture. Rivals are
+other stamps of about its size that go beside it, behind or in front: of a set of people, people.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from ssiam.geometry import XYWH, Image
 from ssiam.training.outlines import box_of_mask
 from ssiam.training.pictures import picture
 from ssiam.training.sources import Mask
-from ssiam.training.stamp_scenes import backdrop, paste, poses
+from ssiam.training.stamp_scenes import backdrop, beside, paste, poses
 
 _FRAMES = 3
 _PASTED = 32  # scenes of every stamp
 _COMPANY = 0.4  # chance of another stamp in the scene, behind
+_RIVALS = 3  # at most
 _KEPT = 4
 _CHANNELS = 4
 
@@ -44,6 +46,8 @@ class StampScene:
     stamp, background : Path
     other : Path, optional
         Another stamp, behind it.
+    rivals : tuple of Path
+        Other stamps beside it, every second one in front.
     seed : int
         Another seed is another place, size, light and motion.
     frames : int
@@ -52,13 +56,15 @@ class StampScene:
     stamp: Path
     background: Path
     other: Path | None = None
+    rivals: tuple[Path, ...] = ()
     seed: int = 0
     frames: int = _FRAMES
 
     @property
     def shows(self) -> tuple[str, ...]:
         """The paths of the stamps and of the background."""
-        return tuple(str(path) for path in (self.stamp, self.background, self.other) if path)
+        paths = (self.stamp, self.background, self.other, *self.rivals)
+        return tuple(str(path) for path in paths if path)
 
     def image(self, t: int) -> Image:
         """The picture of a frame, 640x480."""
@@ -69,7 +75,7 @@ class StampScene:
         return box_of_mask(self.mask(t))
 
     def mask(self, t: int) -> Mask:
-        """Where the stamp covers at least half of a pixel."""
+        """Where the stamp covers at least half of a pixel, and no rival does."""
         return _rendered(self, t).mask
 
 
@@ -84,6 +90,8 @@ class StampSource:
     weight : float
     alike : bool
         Whether there may be two stamps of the same object.
+    rivals : float
+        Share 0..1 of the scenes that have one to three rivals.
     """
 
     name: str
@@ -91,6 +99,7 @@ class StampSource:
     backgrounds: tuple[Path, ...]
     weight: float = 1.0
     alike: bool = False
+    rivals: float = 0.0
 
     def __len__(self) -> int:
         """Number of scenes."""
@@ -103,7 +112,13 @@ class StampSource:
         background = self.backgrounds[rng.integers(len(self.backgrounds))]
         other = self.stamps[rng.integers(len(self.stamps))]
         alone = other == stamp or rng.random() >= _COMPANY
-        return StampScene(stamp, background, None if alone else other, int(rng.integers(1 << 31)))
+        seed = int(rng.integers(1 << 31))
+        rivals = self._rivals(stamp, rng) if rng.random() < self.rivals else ()
+        return StampScene(stamp, background, None if alone else other, rivals, seed)
+
+    def _rivals(self, stamp: Path, rng: np.random.Generator) -> tuple[Path, ...]:
+        drawn = rng.integers(len(self.stamps), size=rng.integers(1, _RIVALS + 1))
+        return tuple(self.stamps[i] for i in drawn if self.stamps[i] != stamp)
 
     def beside(self, i: int) -> Sequence[int]:
         """None: the pictures of the stamp's other scenes are others."""
@@ -117,12 +132,20 @@ def _rendered(scene: StampScene, t: int) -> _Frame:
     image = backdrop(picture(scene.background), camera)
     if scene.other is not None:
         paste(image, _stamp(scene.other), companion.seen_by(camera))
+    rivals = [
+        (_stamp(path), beside(target, poses(rng, scene.frames)[t], rng).seen_by(camera))
+        for path in scene.rivals
+    ]
+    for rival, pose in rivals[::2]:
+        paste(image, rival, pose)
     mask = paste(image, _stamp(scene.stamp), target.seen_by(camera))
+    for rival, pose in rivals[1::2]:
+        mask &= ~paste(image, rival, pose)
     image.flags.writeable = False
     return _Frame(image, mask)
 
 
-@lru_cache(maxsize=2 * _KEPT)
+@lru_cache(maxsize=4 * _KEPT)
 def _stamp(path: Path) -> Image:
     """A stamp (H, W, 4) uint8 BGRA, cut to what is not transparent; `SourceError` if none."""
     try:
