@@ -1,4 +1,4 @@
-"""Objects cut out of pictures by their masks: the stamps of configs/lite_shipped/4_more_objects.toml.
+"""Objects cut out of pictures by their masks: stamps for `ssiam train` (4_more_objects.toml).
 
     python scripts/cut_out.py data/stills/horses data/stills/cats --out data/cut_out
 
