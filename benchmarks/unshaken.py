@@ -58,25 +58,27 @@ def runs_of(root: Path, name: str, trackers: list[str]) -> list[Run]:
 def row(tracker: str, runs: list[Run]) -> str:
     """The table's row of a tracker."""
     off, predict = (
-        {run.sequence: run for run in runs if (run.tracker, run.setting) == (tracker, setting)}
+        [run for run in runs if (run.tracker, run.setting) == (tracker, setting)]
         for setting in SETTINGS
     )
+    was, now = ({run.sequence: run.success or 0.0 for run in own} for own in (off, predict))
+    gains = {name: now[name] - was[name] for name in was}
     lost = paired_difference(
-        *({k: v.lost for k, v in s.items()} for s in (predict, off)), over="sum"
+        *({run.sequence: run.lost for run in own} for own in (predict, off)), over="sum"
     )
-    gain = paired_difference(*({k: v.success or 0.0 for k, v in s.items()} for s in (predict, off)))
-    by_video = {name: (predict[name].success or 0.0) - (off[name].success or 0.0) for name in off}
-    most = sorted(by_video, key=lambda name: -abs(by_video[name]))[:TOLD]
-    sums = (
-        f"{sum(run.lost for run in s.values())}, {np.mean([run.success for run in s.values()]):.3f}"
-        for s in (off, predict)
-    )
+    gain = paired_difference(now, was)
     cells = [
         tracker,
-        *sums,
+        *(
+            f"{sum(run.lost for run in own)}, {np.mean(list(success.values())):.3f}"
+            for own, success in ((off, was), (predict, now))
+        ),
         f"{lost.value:+.0f} [{lost.low:+.0f}, {lost.high:+.0f}]",
         f"{gain.value:+.4f} [{gain.low:+.4f}, {gain.high:+.4f}]",
-        ", ".join(f"{name} {by_video[name]:+.3f}" for name in most),
+        ", ".join(
+            f"{name} {gains[name]:+.3f}"
+            for name in sorted(gains, key=lambda name: -abs(gains[name]))[:TOLD]
+        ),
     ]
     return f"| {' | '.join(cells)} |"
 
