@@ -53,6 +53,39 @@ def test_the_first_levels_can_be_completed(network):
         assert all(map(torch.equal, levels, whole))
 
 
+class _Unfolded(torch.nn.BatchNorm2d):
+    """Looks as if it learnt its statistics, and uses those that it has."""
+
+    def forward(self, features):
+        mean, variance = self.running_mean, self.running_var
+        return torch.nn.functional.batch_norm(
+            features, mean, variance, self.weight, self.bias, eps=self.eps
+        )
+
+
+@pytest.mark.parametrize("light", [False, True])
+def test_statistics_that_stay_are_part_of_the_convolution(light):
+    torch.manual_seed(0)
+    backbone = EfficientNetLite0(9, light=light).double().eval()
+    norms = [each for each in backbone.modules() if isinstance(each, torch.nn.BatchNorm2d)]
+    for norm in norms:
+        for values in (norm.running_mean, norm.running_var, norm.weight.data, norm.bias.data):
+            values.uniform_(0.5, 1.5)
+    crop = torch.rand(2, 3, 127, 127, dtype=torch.double) * 255
+
+    def seen():
+        backbone.zero_grad()
+        levels = backbone(crop)
+        sum(level.square().mean() for level in levels).backward()
+        return [*levels, *(each.grad.clone() for each in backbone.parameters())]
+
+    folded = seen()
+    for norm in norms:
+        norm.__class__, norm.training = _Unfolded, True
+    for ours, theirs in zip(folded, seen(), strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=1e-9, atol=1e-9)
+
+
 def test_a_light_stem_has_no_published_weights(tmp_path):
     theirs = EfficientNetLite0().state_dict()
     torch.save(theirs, tmp_path / "w.pth")

@@ -11,6 +11,7 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final, NamedTuple
 
+import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
@@ -84,7 +85,7 @@ class EfficientNetLite0(nn.Module):
         pixels = (crop - _MEAN) / _DEVIATION
         if self.stem is not None:
             return self.completed(self.stem(pixels), count)[:count]
-        features = F.relu6(self._bn0(_same(self._conv_stem, pixels)))
+        features = F.relu6(_normalised(self._conv_stem, self._bn0, pixels))
         return self.completed([self._stage(0, features)], count)
 
     def completed(self, levels: list[Tensor], count: int = len(_STAGES)) -> list[Tensor]:
@@ -142,8 +143,8 @@ class LightStem(nn.Module):
 
     def forward(self, pixels: Tensor) -> list[Tensor]:
         """Levels (N, 24, n, n) and (N, 40, m, m) of normalised pixels (N, 3, S, S)."""
-        features = F.relu6(self._bn0(_same(self._conv_stem, pixels)))
-        hidden = F.relu6(self._bn1(_same(self._conv_hidden, features)))
+        features = F.relu6(_normalised(self._conv_stem, self._bn0, pixels))
+        hidden = F.relu6(_normalised(self._conv_hidden, self._bn1, features))
         fine = self._fine(self._project(hidden))
         return [fine, self._coarse(fine)]
 
@@ -167,13 +168,27 @@ class _InvertedResidual(nn.Module):
     def forward(self, features: Tensor) -> Tensor:
         out: Tensor = features
         if self._expands:
-            out = F.relu6(self._bn0(self._expand_conv(out)))
-        out = F.relu6(self._bn1(_same(self._depthwise_conv, out)))
-        projected: Tensor = self._bn2(self._project_conv(out))
+            out = F.relu6(_normalised(self._expand_conv, self._bn0, out))
+        out = F.relu6(_normalised(self._depthwise_conv, self._bn1, out))
+        projected = _normalised(self._project_conv, self._bn2, out)
         return features + projected if self._residual else projected
 
 
-def _same(convolution: nn.Conv2d, features: Tensor) -> Tensor:
+def _normalised(convolution: nn.Conv2d, norm: nn.BatchNorm2d, features: Tensor) -> Tensor:
+    """A convolution, normalised: one step where the statistics stay, and a third of the time."""
+    if norm.training:
+        normalised: Tensor = norm(_same(features, convolution, convolution.weight))
+        return normalised
+    mean, variance = norm.running_mean, norm.running_var
+    assert mean is not None and variance is not None
+    scale = norm.weight / torch.sqrt(variance + norm.eps)
+    weight = convolution.weight * scale[:, None, None, None]
+    return _same(features, convolution, weight, norm.bias - mean * scale)
+
+
+def _same(
+    features: Tensor, convolution: nn.Conv2d, weight: Tensor, bias: Tensor | None = None
+) -> Tensor:
     """A convolution with TensorFlow's "same" padding: ceil(side / stride) cells come out."""
     stride, kernel = convolution.stride[0], convolution.kernel_size[0]
     side = int(features.shape[-1])
@@ -182,7 +197,7 @@ def _same(convolution: nn.Conv2d, features: Tensor) -> Tensor:
     if before != after:
         features = F.pad(features, (before, after, before, after))
         before = 0
-    return F.conv2d(features, convolution.weight, None, stride, before, groups=convolution.groups)
+    return F.conv2d(features, weight, bias, stride, before, groups=convolution.groups)
 
 
 def _norm(channels: int) -> nn.BatchNorm2d:
