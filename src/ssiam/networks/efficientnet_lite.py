@@ -180,7 +180,8 @@ def _normalised(convolution: nn.Conv2d, norm: nn.BatchNorm2d, features: Tensor) 
         normalised: Tensor = norm(_same(features, convolution, convolution.weight))
         return normalised
     mean, variance = norm.running_mean, norm.running_var
-    assert mean is not None and variance is not None
+    assert mean is not None
+    assert variance is not None
     scale = norm.weight / torch.sqrt(variance + norm.eps)
     weight = convolution.weight * scale[:, None, None, None]
     return _same(features, convolution, weight, norm.bias - mean * scale)

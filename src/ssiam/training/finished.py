@@ -11,12 +11,12 @@ from ssiam.networks.lite import LiteNetwork
 from ssiam.runtime.exported import OPSET, Exported
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import read_state, write_file
+from ssiam.training.network_settings import WEIGHTS
 from ssiam.training.settings import TrainSettings
 
 __all__ = ["NETWORK", "WEIGHTS", "write_network", "write_so_far"]
 
 NETWORK: Final = "lite"  # in the record beside the pieces
-WEIGHTS: Final = "weights.pth"
 _KERNEL: Final = (1, 64, 96)
 
 

@@ -8,11 +8,13 @@ from typing import Final, Literal
 
 from ssiam.errors import ArgumentError
 from ssiam.networks.lite import BLOCKS
+from ssiam.trackers.lite import SHIPPED
 from ssiam.training.validation_settings import require
 
-__all__ = ["NetworkSettings"]
+__all__ = ["WEIGHTS", "NetworkSettings"]
 
 LEVELS: Final = 3  # of the backbone
+WEIGHTS: Final = "weights.pth"  # in a run's folder
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class NetworkSettings:
     weights : str, optional
         File of the backbone's ImageNet weights; None: that of the installed package.
     begin : str, optional
-        The weights.pth of a run to begin with, which may have had no light stem.
+        The weights.pth of a run to begin with, which may have had no light stem; or "lite", the
+        shipped ones. None: ImageNet's weights and a network that knows nothing else.
     learns : {"all", "mask"}
         Everything, or the mask head alone: the rest, and so the tracking, stays as it is. The
         numbers below then say nothing.
@@ -68,6 +71,13 @@ class NetworkSettings:
     def weights_path(self) -> Path | None:
         """Of the ImageNet weights, if they are not the installed package's."""
         return None if self.weights is None else Path(self.weights)
+
+    @property
+    def begin_path(self) -> Path | None:
+        """Of the weights to begin with."""
+        if self.begin is None:
+            return None
+        return SHIPPED / WEIGHTS if self.begin == "lite" else Path(self.begin)
 
     @property
     def stem_alone(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +57,10 @@ class Student(nn.Module):
     ) -> None:
         super().__init__()
         self.network = LiteNetwork(settings.blocks, light=settings.light)
-        load_imagenet(self.network.backbone, settings.weights_path)
-        if settings.begin is not None:
-            load_trained(self.network, Path(settings.begin))
+        if settings.begin_path is None:
+            load_imagenet(self.network.backbone, settings.weights_path)
+        else:
+            load_trained(self.network, settings.begin_path)
         self.adapter = Adapter() if taught else None
         self._settings, self._threads, self._precision = settings, threads, precision
         self._frozen: int | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, cast
@@ -115,8 +116,8 @@ class Trainer:
 
 def _quick_in_bf16() -> bool:
     """Whether PyTorch learns faster in bf16: without AMX its gradients take twice as long."""
-    capabilities = getattr(torch.cpu, "get_capabilities", dict)()  # older ones do not tell
-    return bool(capabilities.get("amx_bf16", False))
+    tell: Callable[[], dict[str, Any]] = getattr(torch.cpu, "get_capabilities", dict)
+    return bool(tell().get("amx_bf16", False))  # older versions tell nothing
 
 
 def _teacher(settings: TeacherSettings, threads: int) -> Teacher:
