@@ -31,6 +31,7 @@ _MASK_WIDTHS: Final = (32, 24, 16)  # channels at stride 8, where stride 4 is ad
 _KERNEL_SIDE: Final = 8  # cells: the middle 64 px of the template crop, which the target fills
 _RARE: Final = 0.01  # share of cells on the target, from which the scores start
 _START: Final = 32.0  # px, distances at first: half of a target in the crops
+_LAYOUT: Final = torch.channels_last  # in which convolutions learn fastest
 _GREATEST: Final = 4.0  # natural logarithm of the greatest distance, in strides
 
 
@@ -109,7 +110,8 @@ class LiteNetwork(SiameseNetwork):
         features = self.neck(levels)
         alike = torch.matmul(kernel, features.flatten(2))
         alike = alike.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
-        response = self.join(self.compare(torch.cat([alike, features], dim=1)))
+        together = torch.cat([alike, features], dim=1).contiguous(memory_format=_LAYOUT)
+        response = self.join(self.compare(together))
         boxes = self.box_tower(response)
         strides = torch.exp(self.distances(boxes).clamp(max=_GREATEST))
         return LiteResponses(
