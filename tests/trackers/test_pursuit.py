@@ -13,12 +13,15 @@ from trackers.scenes import (
     COVERED,
     ELSEWHERE,
     OPEN,
+    SCENE,
     SIZE,
     TARGET,
     apart,
+    pasted,
     shaken_pan,
     shown,
     target_in,
+    textured,
 )
 
 COUNT, HIDDEN = 110, range(40, 70)
@@ -71,6 +74,21 @@ class Confused(Scripted):
             return track
         self._xywh = map_box(view.stab_from_raw, double)
         return replace(track, box=self._xywh, score=0.7)
+
+
+class Shy(Scripted):
+    """Hardly believes in what it sees of the target from some frame on, and looks close by."""
+
+    def __init__(self, frames, truth, shy):
+        super().__init__(frames, truth)
+        self._shy = {id(frames[t]) for t in shy}
+
+    def track(self, view):
+        truth = map_box(view.stab_from_raw, self._truth[id(view.raw)])
+        if apart(truth, self._xywh) > 0.4:
+            return Track(self._xywh, 0.02)
+        self._xywh = truth
+        return Track(truth, 0.1 if id(view.raw) in self._shy else 0.95)
 
 
 @cache
@@ -140,6 +158,19 @@ def test_what_stands_beside_a_hidden_target_is_not_taken_for_it():
     for t in range(HIDDEN[-1] + 10, COUNT):
         assert not tracks[t].lost
         assert apart(tracks[t].box, target_in(path[t])) < 0.5
+
+
+def test_a_target_that_the_camera_follows_is_sought_in_the_picture():
+    """Though the scene passes by: by half a target's size a frame, to and fro."""
+    there = 190 * np.sin((np.arange(COUNT) - 20).clip(0) / 7.5)
+    path = [rigid(-200 - x, -100, 0) for x in there]
+    box = (178.0, 130.0, *TARGET[2:])
+    frames = [pasted(shown(SCENE, pose), textured(11, (44, 40)), 178, 130) for pose in path]
+    tracker = SteadiedTracker(Shy(frames, [box] * COUNT, range(30, COUNT)), CONFIG)
+    tracker.init(frames[0], box)
+    tracks = [tracker.update(frame) for frame in frames[1:]]
+    assert tracks[-1].lost
+    assert max(apart(track.box, box) for track in tracks) < 0.5
 
 
 def test_a_target_that_jumps_in_sight_is_not_lost():

@@ -46,7 +46,7 @@ class Pursuit:
         self._place = xywh  # where the target was last likely, carried along with the scene
         self._held = xywh  # the same, as it was when the scene was last cut
         self._whereabouts = Whereabouts(xywh)
-        self._trail = xywh  # the tracker's own guess, carried along with the scene
+        self._trail = xywh  # the tracker's own guess
         self._seen_again = False
         self._astray = False  # whether the tracker was left elsewhere than its last box
 
@@ -80,7 +80,6 @@ class Pursuit:
         self._whereabouts.carry(motion)
         if motion.reliable:
             self._place = map_box(motion.cur_from_prev, self._place)
-            self._trail = map_box(motion.cur_from_prev, self._trail)
         elif not self._watch.lost:
             self._held = self._place
 
@@ -100,7 +99,7 @@ class Pursuit:
 
     def _sought(self, view: FrameView) -> Track:
         """What the tracker sees where it was going, or else where a lost target may be."""
-        own = self._seek(view, self._trail)
+        own = self._seek(view, self._expected)
         self._trail = own.box
         if own.score > _LIKELY and self._is_credible(own):
             return own
