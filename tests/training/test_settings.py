@@ -12,8 +12,16 @@ from ssiam.training.config import read_config
 SOURCE = '[[sources]]\nlayout = "davis"\npath = "x"\n'
 
 
-def test_the_config_of_the_repository():
-    settings = read_config(Path(__file__).parents[2] / "configs" / "lite.toml")
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.toml")), ids=lambda path: path.stem)
+def test_every_config_of_the_repository_can_be_read(path):
+    assert read_config(path).sources
+
+
+def test_the_config_to_start_from():
+    settings = read_config(CONFIGS / "lite.toml")
     assert settings.sources[0].layout == "davis"
     assert settings.teacher.weights == "weights/nanotrackv3"
     assert settings.validation.held_out[0].kind is None
