@@ -60,6 +60,22 @@ def test_rivals_go_beside_the_target_and_may_hide_it(tmp_path):
     assert 3 < hidden < 30
 
 
+@pytest.mark.parametrize(("tumbling", "least", "most"), [(0.0, 0, 25), (1.0, 40, 90)])
+def test_stamps_may_tumble(tmp_path, tumbling, least, most):
+    """By how many degrees an ellipse turns from the first frame to the next, at its median."""
+    write_stamps(tmp_path)
+    grounds = (str(tmp_path / "grounds"),)
+    source = opened("stamps", tmp_path / "stamps", backgrounds=grounds, tumbling=tumbling)
+    turns = []
+    for track in map(source.track, range(40)):
+        outlines = [cv2.findContours(track.mask(t).astype(np.uint8), 0, 1)[0] for t in range(2)]
+        if all(len(found) == 1 and len(found[0]) > 20 for found in outlines):
+            one, other = (cv2.fitEllipse(found[0])[2] for found in outlines)
+            turns.append(abs((one - other + 90) % 180 - 90))
+    assert len(turns) > 20
+    assert least <= np.median(turns) <= most
+
+
 def test_regions_have_texture(tmp_path):
     image = np.full((240, 320, 3), 90, np.uint8)
     image[60:180, 160:280] = scene(seed=5)[60:180, 160:280] * 4
@@ -80,6 +96,7 @@ def test_regions_have_texture(tmp_path):
         ({"layout": "stamps"}, "need backgrounds"),
         ({"layout": "stamps", "backgrounds": ("grounds",), "rivals": 1.5}, "rivals 1.5"),
         ({"layout": "voc", "rivals": 0.5}, "rivals 0.5"),
+        ({"layout": "regions", "tumbling": 0.5}, "tumbling 0.5"),
     ],
 )
 def test_wrong_settings_are_told(options, said):

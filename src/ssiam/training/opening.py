@@ -61,6 +61,8 @@ class SourceSettings:
         what is not the target is always taken from another set.
     rivals : float
         Of "stamps": share 0..1 of the scenes in which others of about its size go beside it.
+    tumbling : float
+        Of "stamps": share 0..1 of the scenes in which the target shows at any angle.
     """
 
     layout: str
@@ -73,6 +75,7 @@ class SourceSettings:
     backgrounds: tuple[str, ...] = ()
     alike: bool = False
     rivals: float = 0.0
+    tumbling: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("layout of training data", self.layout, LAYOUTS)
@@ -80,10 +83,12 @@ class SourceSettings:
             raise ArgumentError(f"weight {self.weight} of {self.path}: give 0 or more")
         if (self.layout == "stamps") != bool(self.backgrounds):
             raise ArgumentError(f"{self.path}: stamps, and only they, need backgrounds")
-        if not 0 <= self.rivals <= (self.layout == "stamps"):
-            raise ArgumentError(
-                f"rivals {self.rivals} of {self.path}: give a share from 0 to 1, and to stamps only"
-            )
+        for share in ("rivals", "tumbling"):
+            if not 0 <= getattr(self, share) <= (self.layout == "stamps"):
+                raise ArgumentError(
+                    f"{share} {getattr(self, share)} of {self.path}: "
+                    "give a share from 0 to 1, and to stamps only"
+                )
 
 
 def open_training_source(settings: SourceSettings, root: Path | None = None) -> Source:
@@ -118,7 +123,8 @@ def _opened(settings: SourceSettings, root: Path) -> Source:
     if settings.layout == "stamps":
         stamps = tuple(stamp for stamp in files_below(path, (".png",)) if stamp.stem in names)
         grounds = tuple(file for part in settings.backgrounds for file in _named(root / part))
-        return StampSource(name, stamps, grounds, weight, settings.alike, settings.rivals)
+        shares = settings.rivals, settings.tumbling
+        return StampSource(name, stamps, grounds, weight, settings.alike, *shares)
     dataset = open_dataset(path, settings.layout, split=settings.split)
     return SequenceSource(name, dataset, names, weight, settings.alike)
 

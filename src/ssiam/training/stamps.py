@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -48,6 +48,8 @@ class StampScene:
         Another stamp, behind it.
     rivals : tuple of Path
         Other stamps beside it, every second one in front.
+    tumbles : bool
+        It shows at any angle, another one in each frame.
     seed : int
         Another seed is another place, size, light and motion.
     frames : int
@@ -57,6 +59,7 @@ class StampScene:
     background: Path
     other: Path | None = None
     rivals: tuple[Path, ...] = ()
+    tumbles: bool = False
     seed: int = 0
     frames: int = _FRAMES
 
@@ -92,6 +95,8 @@ class StampSource:
         Whether there may be two stamps of the same object.
     rivals : float
         Share 0..1 of the scenes that have one to three rivals.
+    tumbling : float
+        Share 0..1 of the scenes in which the stamp tumbles.
     """
 
     name: str
@@ -100,6 +105,7 @@ class StampSource:
     weight: float = 1.0
     alike: bool = False
     rivals: float = 0.0
+    tumbling: float = 0.0
 
     def __len__(self) -> int:
         """Number of scenes."""
@@ -114,7 +120,8 @@ class StampSource:
         alone = other == stamp or rng.random() >= _COMPANY
         seed = int(rng.integers(1 << 31))
         rivals = self._rivals(stamp, rng) if rng.random() < self.rivals else ()
-        return StampScene(stamp, background, None if alone else other, rivals, seed)
+        tumbles = bool(rng.random() < self.tumbling)
+        return StampScene(stamp, background, None if alone else other, rivals, tumbles, seed)
 
     def _rivals(self, stamp: Path, rng: np.random.Generator) -> tuple[Path, ...]:
         drawn = rng.integers(len(self.stamps), size=rng.integers(1, _RIVALS + 1))
@@ -129,6 +136,9 @@ class StampSource:
 def _rendered(scene: StampScene, t: int) -> _Frame:
     rng = np.random.default_rng(scene.seed)
     camera, target, companion = (poses(rng, scene.frames)[t] for _ in range(3))
+    if scene.tumbles:
+        angle = np.random.default_rng([scene.seed, t]).uniform(0, 360)
+        target = replace(target, angle=float(angle))
     image = backdrop(picture(scene.background), camera)
     if scene.other is not None:
         paste(image, _stamp(scene.other), companion.seen_by(camera))
