@@ -20,6 +20,7 @@ from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.lite_mask import crop_corner, pasted, turned_box
+from ssiam.trackers.rivals import Rivals
 from ssiam.trackers.siamese import (
     EXEMPLAR,
     Floats,
@@ -42,8 +43,8 @@ _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
 
 # From benchmarks/search_parameters.py, on videos that training left out.
-PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.2, lr=0.6)
-CONFIDENCE: Final = Confidence((1.48, 0.59), 0.15)  # from benchmarks/confidence.py
+PARAMETERS: Final = SearchParameters(penalty_k=0.05, window_influence=0.2, lr=0.6)
+CONFIDENCE: Final = Confidence((1.72, 1.13), 0.02)  # from benchmarks/confidence.py
 MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
 
 
@@ -119,6 +120,7 @@ class LiteTracker:
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         self._state = state_at(xywh)
+        self._rivals = Rivals()
         self._fill: Floats = view.raw.mean(axis=(0, 1))
         side = round(self._state.context_side)
         crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
@@ -137,7 +139,11 @@ class LiteTracker:
         boxes = self._boxes(distances)
         boxes[:2] += self._off(last, side)[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        best, penalty = choose(boxes, score, size, self._window, self._parameters)
+        taken = self._rivals.taken(boxes[:2].T / zoom + last.centre_xy, score, last)
+        best, penalty = choose(
+            boxes, np.where(taken, -1.0, score), size, self._window, self._parameters
+        )
+        self._rivals.follow(best)
         rate = penalty * score[best] * self._parameters.lr
         self._state = moved(last, boxes[:, best], zoom, rate, view)
         logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
@@ -149,6 +155,7 @@ class LiteTracker:
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""
         self._state = state_at(xywh)
+        self._rivals = Rivals()
         return self.track(view)
 
     def another(self) -> LiteTracker:

@@ -1,0 +1,125 @@
+"""`Rivals`: what lies beside the target and looks like it.
+
+A runner among runners looks less like the template than the next one does in a single frame, and
+a tracker that takes the best of each frame goes with that one. Which is which is told by their
+places: other peaks of the score are followed from frame to frame, and one that has been weaker
+than the target for long is not it now. (KeepTrack, Mayer et al., ICCV 2021, learns to associate
+such candidates; here the place alone does.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.trackers.siamese import Floats, TargetState
+
+Flags = NDArray[np.bool_]
+
+_SEEN: Final = 0.1  # score from which a peak is something
+_MOST: Final = 6  # peaks
+_STEP: Final = 0.5  # target sizes that a rival may move from frame to frame
+_ONE: Final = 0.4  # target sizes within which candidates are of one thing
+_MEMORY: Final = 0.8  # weight of the past in running scores
+_KNOWN: Final = 3  # frames after which a rival is one
+_WEAKER: Final = 0.75  # of the target's running score: at most a rival's
+_GONE: Final = 0.03  # running score below which one is forgotten
+
+
+class _Rival(NamedTuple):
+    xy: Floats
+    score: float  # running mean
+    frames: int  # in which it was seen
+
+
+class Rivals:
+    """The rivals of one target, by their places in the view.
+
+    Where the view is a predicted one the target stays in its place, and so does what moves with
+    it or, under a shaking camera, with the scene.
+    """
+
+    def __init__(self) -> None:
+        self._known: list[_Rival] = []
+        self._own = 0.0  # the target's running score
+
+    def taken(self, places: Floats, score: Floats, last: TargetState) -> Flags:
+        """Candidates (n,) that show a rival; `follow` has to come next.
+
+        Parameters
+        ----------
+        places : (n, 2)
+            Centres of the candidates' boxes, view pixels, row by row of a square map.
+        score : (n,)
+            0..1.
+        last : TargetState
+            Where the target was, or is expected, view pixels.
+        """
+        self._places, self._score = places, score
+        self._size = math.sqrt(math.prod(last.size_wh))
+        self._peaks = self._strongest()
+        taken = np.zeros(len(score), dtype=np.bool_)
+        for rival in self._known:
+            if rival.frames >= _KNOWN and rival.score < _WEAKER * self._own:
+                taken |= self._showing(rival, np.asarray(last.centre_xy))
+        return taken
+
+    def follow(self, best: int) -> None:
+        """Candidate `best` is the target; what else looks like it is or becomes a rival."""
+        seen = float(self._score[best])
+        self._own = _mixed(self._own, seen) if self._own else seen
+        own_xy = self._places[best]
+        before, now = self._known, []
+        for peak in self._peaks:
+            xy, score = self._places[peak], float(self._score[peak])
+            if self._apart(xy, own_xy) < _ONE:
+                continue
+            same = min(before, key=lambda rival: self._apart(rival.xy, xy), default=None)
+            if same is None or self._apart(same.xy, xy) > _STEP:
+                now.append(_Rival(xy, score, 1))
+            else:
+                before = [rival for rival in before if rival is not same]
+                now.append(_Rival(xy, _mixed(same.score, score), same.frames + 1))
+        hidden = (rival._replace(score=_mixed(rival.score, 0.0)) for rival in before)
+        self._known = now + [
+            rival
+            for rival in hidden
+            if rival.score > _GONE and self._apart(rival.xy, own_xy) > _ONE
+        ]
+
+    def _showing(self, rival: _Rival, own_xy: Floats) -> Flags:
+        """Candidates (n,) of the peak that a rival has become, if it is nearer than the target."""
+        peaks = self._places[self._peaks]
+        moved = np.linalg.norm(peaks - rival.xy, axis=1)
+        nearest = int(np.argmin(moved)) if len(peaks) else 0
+        if not len(peaks) or moved[nearest] > _STEP * self._size:
+            return np.zeros(len(self._score), dtype=np.bool_)
+        xy = peaks[nearest]
+        if moved[nearest] > np.linalg.norm(xy - own_xy):
+            return np.zeros(len(self._score), dtype=np.bool_)
+        off, own_off = (np.linalg.norm(self._places - each, axis=1) for each in (xy, own_xy))
+        return np.asarray((off < _ONE * self._size) & (off < own_off))
+
+    def _strongest(self) -> list[int]:
+        """Peaks of the score, the strongest of each thing, from the strongest."""
+        side = math.isqrt(len(self._score))
+        maps = self._score.reshape(side, side)
+        highest = cv2.dilate(maps, np.ones((3, 3), dtype=np.uint8)).ravel()
+        tops = np.flatnonzero((self._score >= highest) & (self._score > _SEEN))
+        found: list[int] = []
+        for top in tops[np.argsort(-self._score[tops])].tolist():
+            if all(self._apart(self._places[top], self._places[each]) > _ONE for each in found):
+                found.append(top)
+        return found[:_MOST]
+
+    def _apart(self, xy: Floats, other_xy: Floats) -> float:
+        """Distance in target sizes."""
+        return float(np.hypot(*(xy - other_xy))) / self._size
+
+
+def _mixed(past: float, now: float) -> float:
+    return _MEMORY * past + (1 - _MEMORY) * now
