@@ -44,8 +44,9 @@ def test_a_rival_that_looks_better_for_once_is_not_taken_for_the_target(rivals):
     assert seen(rivals, TARGET, (*TARGET, 0.3), (*RIVAL, 0.7)) == cell(TARGET)
 
 
-def test_a_target_out_of_sight_is_not_replaced_by_its_rival(rivals):
-    assert seen(rivals, TARGET, (*TARGET, 0.02), (*RIVAL, 0.7)) == cell(TARGET)
+def test_where_the_target_is_not_seen_a_rival_may_be_it(rivals):
+    """Or a wrong choice could never be taken back."""
+    assert seen(rivals, TARGET, (*TARGET, 0.02), (*RIVAL, 0.7)) == cell(RIVAL)
 
 
 def test_rivals_are_followed(rivals):

@@ -3,7 +3,7 @@
 A runner among runners looks less like the template than the next one does in a single frame, and
 a tracker that takes the best of each frame goes with that one. Which is which is told by their
 places: other peaks of the score are followed from frame to frame, and one that has been weaker
-than the target for long is not it now. (KeepTrack, Mayer et al., ICCV 2021, learns to associate
+than the target for long is not it now, as long as something is seen where the target was. (KeepTrack, Mayer et al., ICCV 2021, learns to associate
 such candidates; here the place alone does.)
 """
 
@@ -50,6 +50,8 @@ class Rivals:
     def taken(self, places: Floats, score: Floats, last: TargetState) -> Flags:
         """Candidates (n,) that show a rival; `follow` has to come next.
 
+        None where the target itself is not seen: one of them may be it.
+
         Parameters
         ----------
         places : (n, 2)
@@ -63,9 +65,12 @@ class Rivals:
         self._size = math.sqrt(math.prod(last.size_wh))
         self._peaks = self._strongest()
         taken = np.zeros(len(score), dtype=np.bool_)
+        own_xy = np.asarray(last.centre_xy)
+        if not any(self._apart(places[peak], own_xy) < _ONE for peak in self._peaks):
+            return taken
         for rival in self._known:
             if rival.frames >= _KNOWN and rival.score < _WEAKER * self._own:
-                taken |= self._showing(rival, np.asarray(last.centre_xy))
+                taken |= self._showing(rival, own_xy)
         return taken
 
     def follow(self, best: int) -> None:
