@@ -84,7 +84,7 @@ def test_what_is_new_is_no_rival():
 
 def test_a_rival_beside_the_target_hides_nothing_of_it(rivals):
     (x, y), (own_x, own_y) = RIVAL, TARGET
-    beside = own_x + 0.45 * SIZE
+    beside = own_x + 0.6 * SIZE
     for t in np.linspace(0, 1, 8):
         seen(rivals, TARGET, (*TARGET, 0.6), (x + t * (beside - x), y + t * (own_y - y), 0.3))
     score = looks((*TARGET, 0.3), (beside, own_y, 0.7))
