@@ -1,0 +1,41 @@
+"""The mean of the weights of two runs of `ssiam train`, the later of which began with the first.
+
+    python scripts/mix_weights.py runs/rivals runs/tumbling --out runs/mixed
+
+Between the two lies a network that is as good on what the later run was taught, and forgets less
+of what the first one knew (model soups, Wortsman et al., ICML 2022).
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ssiam.networks.checkpoints import read_tensors
+from ssiam.networks.lite import LiteNetwork
+from ssiam.training.finished import WEIGHTS, write_network
+
+
+def main() -> None:
+    """Write the mean."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("first", type=Path, help="folder of a run")
+    parser.add_argument("second", type=Path)
+    parser.add_argument("--share", type=float, default=0.5, help="of the second")
+    parser.add_argument("--out", type=Path, required=True)
+    arguments = parser.parse_args()
+    first, second = (
+        read_tensors(folder / WEIGHTS) for folder in (arguments.first, arguments.second)
+    )
+    mixed = {
+        name: first[name].lerp(value, arguments.share) if value.is_floating_point() else value
+        for name, value in second.items()
+    }
+    network = LiteNetwork()
+    network.load_state_dict(mixed)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    write_network(network.eval(), arguments.out)
+
+
+if __name__ == "__main__":
+    main()
