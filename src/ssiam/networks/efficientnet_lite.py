@@ -175,7 +175,10 @@ class _InvertedResidual(nn.Module):
 
 
 def _normalised(convolution: nn.Conv2d, norm: nn.BatchNorm2d, features: Tensor) -> Tensor:
-    """A convolution, normalised: one step where the statistics stay, and a third of the time."""
+    """A convolution, normalised; one operation where the statistics stay.
+
+    Gradients through the normalisations of their own took a third of a training step.
+    """
     if norm.training:
         normalised: Tensor = norm(_same(features, convolution, convolution.weight))
         return normalised

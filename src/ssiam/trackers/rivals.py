@@ -98,14 +98,14 @@ class Rivals:
         ]
 
     def _showing(self, rival: _Rival, own_xy: Floats) -> Flags:
-        """Candidates (n,) of the peak that a rival has become, if it is nearer than the target."""
+        """Candidates (n,) of the peak that is nearest to a rival, unless it is not near, or is
+        nearer to the target.
+        """
         peaks = self._places[self._peaks]
         moved = np.linalg.norm(peaks - rival.xy, axis=1)
-        nearest = int(np.argmin(moved)) if len(peaks) else 0
-        if not len(peaks) or moved[nearest] > _STEP * self._size:
-            return np.zeros(len(self._score), dtype=np.bool_)
+        nearest = int(np.argmin(moved))
         xy = peaks[nearest]
-        if moved[nearest] > np.linalg.norm(xy - own_xy):
+        if moved[nearest] > min(_STEP * self._size, float(np.hypot(*(xy - own_xy)))):
             return np.zeros(len(self._score), dtype=np.bool_)
         off, own_off = (np.linalg.norm(self._places - each, axis=1) for each in (xy, own_xy))
         return np.asarray((off < _ONE * self._size) & (off < own_off))
