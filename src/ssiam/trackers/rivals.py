@@ -98,9 +98,7 @@ class Rivals:
         ]
 
     def _showing(self, rival: _Rival, own_xy: Floats) -> Flags:
-        """Candidates (n,) of the peak that is nearest to a rival, unless it is not near, or is
-        nearer to the target.
-        """
+        """Candidates (n,) of the peak next to a rival's place; none if that is the target's."""
         peaks = self._places[self._peaks]
         moved = np.linalg.norm(peaks - rival.xy, axis=1)
         nearest = int(np.argmin(moved))
