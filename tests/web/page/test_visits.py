@@ -129,7 +129,8 @@ def test_a_token_is_carried_along(visit, clip):
         visitor = visit(server.address)
         visitor.until_step(lambda step: True)
         visitor.page.keyboard.press("e")
-        visitor.until_step(lambda step: step["recording"])
+        begun = visitor.until_step(lambda step: step["recording"])["index"]
+        visitor.until_step(lambda step: abs(step["index"] - begun) > 10)
         visitor.page.keyboard.press("e")
         link = visitor.page.get_by_role("link", name="video.mp4").get_attribute("href")
         assert link.endswith(f"?token={token}")
