@@ -8,6 +8,11 @@ from sets_on_disk import OTHER
 from ssiam.training import AugmentSettings, TrackList, WindowSettings
 
 
+class Boxed(Track):
+    def mask(self, t):
+        return None
+
+
 def test_boxes_and_masks_lie_on_the_target():
     batch = sampler(TrackList("a", [Track(at=(140, 100, 40, 30))]), negatives=0).batch(0, 40)
     assert batch.present.all()
@@ -31,6 +36,25 @@ def test_flips_turn_both_crops():
         columns = np.nonzero(template[1] > 135)[1]
         assert columns.mean() > 64
     np.testing.assert_allclose(box_of(batch.search[0, 0])[:2], batch.box[0, :2], atol=0.8)
+
+
+def test_turned_targets_have_the_box_of_their_mask():
+    turned = WindowSettings(shift=30, far=0, scale=0, stretch=0, angle=0, turned=1)
+    source = TrackList("a", [Track(at=(130, 110, 60, 20))])
+    batch = sampler(source, windows=turned, negatives=0).batch(0, 40)
+    for search, box in zip(batch.search, batch.box, strict=True):
+        np.testing.assert_allclose(box_of(search[0]), box, atol=2)
+    upright, across = np.ptp(np.log(batch.box[:, 2] / batch.box[:, 3])), np.log(3)
+    assert upright > 1.5 * across
+
+
+def test_targets_without_a_mask_are_not_turned():
+    turned = WindowSettings(shift=0, far=0, scale=0, stretch=0, angle=0, turned=1)
+    source = TrackList("a", [Boxed(at=(130, 110, 60, 20))])
+    batch = sampler(source, windows=turned, negatives=0).batch(0, 20)
+    np.testing.assert_allclose(batch.box[:, 2] / batch.box[:, 3], 3)
+    for search, box in zip(batch.search, batch.box, strict=True):
+        np.testing.assert_allclose(box_of(search[0]), box, atol=1.3)
 
 
 def test_shapes_types_and_zooms():

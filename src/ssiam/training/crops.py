@@ -67,6 +67,13 @@ class Window:
         centre = crop_from_frame[:2, :2] @ np.subtract(centre_of(xywh), self.centre_xy)
         return np.array([*centre, xywh[2] * across, xywh[3] * down])
 
+    def seen_of(self, mask: Mask) -> NDArray[np.float64]:
+        """The same (4,) of the box around a mask (H, W) that is not empty, however it is turned."""
+        hull = cv2.convexHull(cv2.findNonZero(mask.astype(np.uint8)))[:, 0]
+        places = (hull - np.array(self.centre_xy)) @ self.crop_from_frame[:2, :2].T
+        low, high = places.min(axis=0), places.max(axis=0)
+        return np.concatenate([(low + high) / 2, high - low + self.zooms])
+
     def is_within(self, size_wh: tuple[int, int]) -> bool:
         """Whether a picture of (width, height) pixels fills the crop."""
         edge = self.out - 1

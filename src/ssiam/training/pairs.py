@@ -103,15 +103,15 @@ class PairSampler:
     ) -> tuple[Image, NDArray[np.float32], NDArray[np.uint8] | None]:
         """The search crop, with the box (4,) and the mask (64, 64) of what is to be found."""
         crop = crop_picture(view.shot.image, view.window, view.behind)
-        box, coverage = np.zeros(4), np.zeros((SEARCH, SEARCH), dtype=np.uint8)
+        box, coverage = view.box, np.zeros((SEARCH, SEARCH), dtype=np.uint8)
         mask = view.mask
         if mask is not None:
             coverage = crop_mask(mask, view.window)
-        if view.xywh is not None:
-            box = view.window.seen(view.xywh)
-            if rng.random() < self._settings.augment.cover:
-                crop, hidden = covered(crop, box, rng)
-                coverage[hidden] = 0
+        if box is None:
+            box = np.zeros(4)
+        elif rng.random() < self._settings.augment.cover:
+            crop, hidden = covered(crop, box, rng)
+            coverage[hidden] = 0
         crop = smeared(crop, view.shake.trail, view.window.crop_from_frame)
         told = mask is not None or not view.present
         return crop, box.astype(np.float32), mask_cells(coverage) if told else None

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH, Image
+from ssiam.geometry import Image
 from ssiam.training.choosing import Chooser, Shot
 from ssiam.training.crops import Window, centre_of, crop_picture
 from ssiam.training.pair_settings import PairSettings
@@ -31,6 +32,8 @@ class View:
         Whether the target is that of `shot`; else it is not to be seen.
     behind : (255, 255, 3) uint8, optional
         What is seen beyond the picture.
+    turned : bool
+        Whether the window is rolled by any angle; the target then has a mask.
     """
 
     shot: Shot
@@ -38,11 +41,15 @@ class View:
     shake: Shake
     present: bool
     behind: Image | None = None
+    turned: bool = False
 
     @property
-    def xywh(self) -> XYWH | None:
-        """The target's box in the picture."""
-        return self.shot.xywh if self.present else None
+    def box(self) -> NDArray[np.float64] | None:
+        """The target's box (4,) in the crop: centre from its middle pixel, width, height."""
+        if not self.present:
+            return None
+        mask = self.mask if self.turned else None
+        return self.window.seen(self.shot.xywh) if mask is None else self.window.seen_of(mask)
 
     @property
     def mask(self) -> Mask | None:
@@ -101,9 +108,19 @@ class ViewChooser:
         """A view of `shot`, which may or may not be the target itself."""
         settings = self._settings
         shake = self.shake(shot, settings.augment.shake, rng)
-        window = search_window(shot.xywh, mirrored, shake.step_xy, settings.windows, rng)
+        turned = shot is target and self._is_turned(shot, rng)
+        window = search_window(
+            shot.xywh, mirrored, shake.step_xy, settings.windows, rng, turned=turned
+        )
         behind = self._behind(target, shot, window, rng)
-        return View(shot, window, shake, shot is target, behind)
+        return View(shot, window, shake, shot is target, behind, turned)
+
+    def _is_turned(self, shot: Shot, rng: np.random.Generator) -> bool:
+        """By chance, of a target whose mask tells its box from any side."""
+        if rng.random() >= self._settings.windows.turned:
+            return False
+        mask = shot.track.mask(shot.t)
+        return mask is not None and bool(mask.any())
 
     def _behind(
         self, target: Shot, shot: Shot, window: Window, rng: np.random.Generator

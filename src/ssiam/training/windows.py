@@ -39,6 +39,9 @@ class WindowSettings:
         Standard deviation of the log of width against height, of both windows.
     angle : float
         Standard deviation of the roll of both windows, degrees.
+    turned : float
+        Share 0..1 of search windows that are rolled by any angle, if the target's mask is known:
+        a box alone does not tell what the turned target's box is.
     template_shift : float
         Pixels of the template crop, at most: boxes are drawn by hand.
     template_scale : float
@@ -50,14 +53,16 @@ class WindowSettings:
     scale: float = 0.15
     stretch: float = 0.05
     angle: float = 2.0
+    turned: float = 0.0
     template_shift: float = 3.0
     template_scale: float = 0.04
 
     def __post_init__(self) -> None:
         if not 0 <= self.shift <= FARTHEST:
             raise ArgumentError(f"shift {self.shift} of windows: give 0 to {FARTHEST} pixels")
-        if not 0 <= self.far <= 1:
-            raise ArgumentError(f"far {self.far} of windows: give a share from 0 to 1")
+        for name in ("far", "turned"):
+            if not 0 <= (value := getattr(self, name)) <= 1:
+                raise ArgumentError(f"{name} {value} of windows: give a share from 0 to 1")
 
 
 def template_window(
@@ -75,8 +80,10 @@ def search_window(
     step_xy: NDArray[np.float64],
     settings: WindowSettings,
     rng: np.random.Generator,
+    *,
+    turned: bool = False,
 ) -> Window:
-    """A window of 255 pixels that shows a box somewhere.
+    """A window of 255 pixels that shows a box somewhere, rolled by any angle if it is `turned`.
 
     `step_xy` (2,), pixels of the picture, is how far the camera's shake has moved the target since
     it was last seen; it is added to the shift.
@@ -84,7 +91,8 @@ def search_window(
     far = rng.random() < settings.far
     scale = settings.scale * (2 if far else 1)
     window = _varied(window_around(xywh, SEARCH), scale, settings, rng)
-    window = replace(window, mirrored=mirrored)
+    angle = rng.uniform(-np.pi, np.pi) if turned else window.angle
+    window = replace(window, mirrored=mirrored, angle=angle)
     reach = FARTHEST if far else settings.shift
     moved = rng.uniform(-reach, reach, 2) + window.crop_from_frame[:2, :2] @ step_xy
     return shifted(window, np.clip(moved, -FARTHEST, FARTHEST))
