@@ -46,7 +46,6 @@ class Pursuit:
         self._place = xywh  # where the target was last likely, carried along with the scene
         self._held = xywh  # the same, as it was when the scene was last cut
         self._whereabouts = Whereabouts(xywh)
-        self._trail = xywh  # the tracker's own guess
         self._seen_again = False
         self._astray = False  # whether the tracker was left elsewhere than its last box
 
@@ -63,12 +62,13 @@ class Pursuit:
         stab_from_raw = self._prediction.stab_from_raw
         view = FrameView(frame, stab_from_raw, self._config.border)
         if self._searching and not self._seen_again:
-            track = self._sought(view)
+            track, guess = self._sought(view)
         else:
             track = self._followed(view)
-        self._judge(track)
+            guess = track.box
+        self._judge(track, guess)
         if self._watch.lost:
-            track = Track(self._trail, track.score, lost=True, evidence=track.evidence)
+            track = Track(guess, track.score, lost=True, evidence=track.evidence)
         return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
 
     @property
@@ -97,20 +97,22 @@ class Pursuit:
         self._astray = second.score <= first.score
         return first if self._astray else second
 
-    def _sought(self, view: FrameView) -> Track:
-        """What the tracker sees where it was going, or else where a lost target may be."""
+    def _sought(self, view: FrameView) -> tuple[Track, XYWH]:
+        """What the tracker sees where it was going, or else where a lost target may be.
+
+        And its box where it was going: the guess, should the other place not hold.
+        """
         own = self._seek(view, self._expected)
-        self._trail = own.box
         if own.score > _LIKELY and self._is_credible(own):
-            return own
+            return own, own.box
         other = self._seek(view, self._candidate(self._watch.frames))
-        return other if other.score > max(own.score, _CERTAIN) else own
+        return (other if other.score > max(own.score, _CERTAIN) else own), own.box
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
         return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
 
-    def _judge(self, track: Track) -> None:
+    def _judge(self, track: Track, guess: XYWH) -> None:
         credible = self._is_credible(track)
         if self._config.find:
             self._watch.update(track.score if credible else 0.0)
@@ -119,11 +121,10 @@ class Pursuit:
         sure = track.score > _SURE
         self._seen_again = sure and credible
         if self._searching:
-            self._prediction.move_to(track.box if sure else self._trail)
+            self._prediction.move_to(track.box if sure else guess)
             return
         if track.score > _LIKELY:
             self._place = track.box
-        self._trail = track.box
         self._prediction.observe(track.box, track.score)
 
     def _is_credible(self, track: Track) -> bool:

@@ -66,12 +66,12 @@ class Rivals:
         self._size = math.sqrt(math.prod(last.size_wh))
         self._peaks = self._strongest()
         taken = np.zeros(len(score), dtype=np.bool_)
-        own_xy = np.asarray(last.centre_xy)
-        if not any(self._apart(places[peak], own_xy) < _ONE for peak in self._peaks):
+        own_off = self._off(places, np.asarray(last.centre_xy))
+        if not (own_off[self._peaks] < _ONE).any():
             return taken
         for rival in self._known:
             if rival.frames >= _KNOWN and rival.score < _WEAKER * self._own:
-                taken |= self._showing(rival, own_xy)
+                taken |= self._showing(rival, own_off)
         return taken
 
     def follow(self, best: int) -> None:
@@ -82,10 +82,10 @@ class Rivals:
         before, now = self._known, []
         for peak in self._peaks:
             xy, score = self._places[peak], float(self._score[peak])
-            if self._apart(xy, own_xy) < _ONE:
+            if self._off(xy, own_xy) < _ONE:
                 continue
-            same = min(before, key=lambda rival: self._apart(rival.xy, xy), default=None)
-            if same is None or self._apart(same.xy, xy) > _STEP:
+            same = min(before, key=lambda rival: self._off(rival.xy, xy), default=None)
+            if same is None or self._off(same.xy, xy) > _STEP:
                 now.append(_Rival(xy, score, 1))
             else:
                 before = [rival for rival in before if rival is not same]
@@ -94,19 +94,21 @@ class Rivals:
         self._known = now + [
             rival
             for rival in hidden
-            if rival.score > _GONE and self._apart(rival.xy, own_xy) > _ONE
+            if rival.score > _GONE and self._off(rival.xy, own_xy) > _ONE
         ]
 
-    def _showing(self, rival: _Rival, own_xy: Floats) -> Flags:
-        """Candidates (n,) of the peak next to a rival's place; none if that is the target's."""
-        peaks = self._places[self._peaks]
-        moved = np.linalg.norm(peaks - rival.xy, axis=1)
+    def _showing(self, rival: _Rival, own_off: Floats) -> Flags:
+        """Candidates (n,) of the peak next to a rival's place; none if that is the target's.
+
+        `own_off` (n,) is how far each is from the target, in its sizes.
+        """
+        moved = self._off(self._places[self._peaks], rival.xy)
         nearest = int(np.argmin(moved))
-        xy = peaks[nearest]
-        if moved[nearest] > min(_STEP * self._size, float(np.hypot(*(xy - own_xy)))):
+        peak = self._peaks[nearest]
+        if moved[nearest] > min(_STEP, own_off[peak]):
             return np.zeros(len(self._score), dtype=np.bool_)
-        off, own_off = (np.linalg.norm(self._places - each, axis=1) for each in (xy, own_xy))
-        return np.asarray((off < _ONE * self._size) & (off < own_off))
+        off = self._off(self._places, self._places[peak])
+        return np.asarray((off < _ONE) & (off < own_off))
 
     def _strongest(self) -> list[int]:
         """Peaks of the score, the strongest of each thing, from the strongest."""
@@ -116,13 +118,13 @@ class Rivals:
         tops = np.flatnonzero((self._score >= highest) & (self._score > _SEEN))
         found: list[int] = []
         for top in tops[np.argsort(-self._score[tops])].tolist():
-            if all(self._apart(self._places[top], self._places[each]) > _ONE for each in found):
+            if (self._off(self._places[found], self._places[top]) > _ONE).all():
                 found.append(top)
         return found[:_MOST]
 
-    def _apart(self, xy: Floats, other_xy: Floats) -> float:
-        """Distance in target sizes."""
-        return float(np.hypot(*(xy - other_xy))) / self._size
+    def _off(self, places: Floats, xy: Floats) -> Floats:
+        """Distances (n,) of places (n, 2) from one, in target sizes."""
+        return np.asarray(np.linalg.norm(places - xy, axis=-1) / self._size)
 
 
 def _mixed(past: float, now: float) -> float:
