@@ -92,9 +92,7 @@ class Rivals:
                 now.append(_Rival(xy, _mixed(same.score, score), same.frames + 1))
         hidden = (rival._replace(score=_mixed(rival.score, 0.0)) for rival in before)
         self._known = now + [
-            rival
-            for rival in hidden
-            if rival.score > _GONE and self._off(rival.xy, own_xy) > _ONE
+            rival for rival in hidden if rival.score > _GONE and self._off(rival.xy, own_xy) > _ONE
         ]
 
     def _showing(self, rival: _Rival, own_off: Floats) -> Flags:
