@@ -48,6 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     truth = np.loadtxt(TRUTH, delimiter=",")
     runs = []
+    print(f"{arguments.tracker}:")
     for stabilize in COLOURS:
         tracker = ssiam.load_tracker(
             arguments.tracker, weights=arguments.weights, stabilize=stabilize

@@ -43,8 +43,8 @@ _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
 
 # From benchmarks/search_parameters.py, on videos that training left out.
-PARAMETERS: Final = SearchParameters(penalty_k=0.05, window_influence=0.2, lr=0.6)
-CONFIDENCE: Final = Confidence((1.72, 1.13), 0.02)  # from benchmarks/confidence.py
+PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.1, lr=0.6)
+CONFIDENCE: Final = Confidence((1.61, 1.02), -0.92)  # from benchmarks/confidence.py
 MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
 
 

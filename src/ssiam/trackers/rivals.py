@@ -27,6 +27,7 @@ _STEP: Final = 0.5  # target sizes that a rival may move from frame to frame
 _ONE: Final = 0.4  # target sizes within which candidates are of one thing
 _MEMORY: Final = 0.8  # weight of the past in running scores
 _KNOWN: Final = 3  # frames after which a rival is one
+_CLEAR: Final = 0.35  # the target's running score from which its place is known
 _WEAKER: Final = 0.75  # of the target's running score: at most a rival's
 _GONE: Final = 0.03  # running score below which one is forgotten
 
@@ -51,7 +52,8 @@ class Rivals:
     def taken(self, places: Floats, score: Floats, last: TargetState) -> Flags:
         """Candidates (n,) that show a rival; `follow` has to come next.
 
-        None where the target itself is not seen: one of them may be it.
+        None where the target itself is not seen, or has hardly been seen of late: one of them may
+        be it.
 
         Parameters
         ----------
@@ -67,7 +69,7 @@ class Rivals:
         self._peaks = self._strongest()
         taken = np.zeros(len(score), dtype=np.bool_)
         own_off = self._off(places, np.asarray(last.centre_xy))
-        if not (own_off[self._peaks] < _ONE).any():
+        if self._own < _CLEAR or not (own_off[self._peaks] < _ONE).any():
             return taken
         for rival in self._known:
             if rival.frames >= _KNOWN and rival.score < _WEAKER * self._own:
