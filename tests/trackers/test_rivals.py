@@ -76,6 +76,14 @@ def test_what_looks_better_for_long_is_the_target(rivals):
     assert best == cell(RIVAL)
 
 
+def test_beside_a_target_that_is_hardly_seen_for_long_nothing_is_taken():
+    """It may have gone behind another one, and this one is what is seen in its place."""
+    rivals = Rivals()
+    for _ in range(8):
+        seen(rivals, TARGET, (*TARGET, 0.32), (*RIVAL, 0.15))
+    assert seen(rivals, TARGET, (*TARGET, 0.32), (*RIVAL, 0.5)) == cell(RIVAL)
+
+
 def test_what_is_new_is_no_rival():
     rivals = Rivals()
     seen(rivals, TARGET, (*TARGET, 0.6), (*RIVAL, 0.3))
