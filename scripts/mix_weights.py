@@ -1,6 +1,6 @@
 """The mean of the weights of two runs of `ssiam train`, the later of which began with the first.
 
-    python scripts/mix_weights.py runs/rivals runs/tumbling --out runs/mixed
+    python scripts/mix_weights.py runs/rivals runs/turned --out runs/mixed
 
 Between the two lies a network that is as good on what the later run was taught, and forgets less
 of what the first one knew (model soups, Wortsman et al., ICML 2022).
