@@ -68,9 +68,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--one-pass", action="store_true", help="one-pass runs too")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--report", action="store_true", help="only the tables of what is there")
-    parser.add_argument("--ablate", default="nanotrack_v3", help="tracker of the second table")
+    parser.add_argument("--ablate", help="tracker of the second table; default: the first")
     parser.add_argument("--plot", type=Path, help="picture to be drawn")
     chosen = parser.parse_args()
+    chosen.ablate = chosen.ablate or chosen.trackers[0]
     chosen.settings = SETTINGS if "all" in chosen.settings else chosen.settings
     return chosen
 
