@@ -3,7 +3,8 @@
 A runner among runners looks less like the template than the next one does in a single frame, and
 a tracker that takes the best of each frame goes with that one. Which is which is told by their
 places: other peaks of the score are followed from frame to frame, and one that has been weaker
-than the target for long is not it now, as long as something is seen where the target was.
+than the target for long is not it now, as long as something is seen where the target was and the
+target has been well seen of late.
 (KeepTrack, Mayer et al., ICCV 2021, learns to associate such candidates; here the place alone
 does.)
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ class View:
         mask = self.mask if self.turned else None
         return self.window.seen(self.shot.xywh) if mask is None else self.window.seen_of(mask)
 
-    @property
+    @cached_property
     def mask(self) -> Mask | None:
         """The target's mask in the picture."""
         return self.shot.track.mask(self.shot.t) if self.present else None
