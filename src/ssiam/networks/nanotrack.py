@@ -1,0 +1,313 @@
+"""NanoTrack v3's network in PyTorch, under the names of its checkpoint, to train on from there.
+
+The architecture and the weights are the authors' (github.com/HonglinChu/SiamTrackers,
+Apache-2.0): a thin MobileNetV3 (Howard et al., ICCV 2019) that ends at stride 16, and an
+anchor-free head (SiamBAN, Chen et al., CVPR 2020) over a pixel-wise and a depthwise correlation.
+Crops are BGR in 0..255; the network was trained without any other normalization.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+__all__ = ["FINE_CHANNELS", "WIDTH", "NanoBackbone", "NanoHead", "NanoKernels", "NanoResponses"]
+
+WIDTH: Final = 96  # channels of the features at stride 16
+FINE_CHANNELS: Final = 24  # channels of the features at stride 8
+
+_STEM: Final = 16  # channels at stride 2
+_KERNEL_SIDE: Final = 8  # cells of the template's features
+_CORE: Final = slice(2, 6)  # of them: the middle 4 x 4, the kernel of the depthwise correlation
+_TOWER: Final = 6  # pairs of a depthwise and a pointwise convolution
+
+
+class _Block(NamedTuple):
+    """An inverted residual block: kernel side, widened and output channels, stride."""
+
+    kernel: int
+    wide: int
+    channels: int
+    stride: int
+    squeezed: int  # channels of its squeeze-and-excitation; 0: it has none
+    hard: bool  # h-swish, else ReLU
+
+
+_BLOCKS: Final = (
+    _Block(3, 16, 16, 2, 8, False),
+    _Block(3, 72, 24, 2, 0, False),
+    _Block(3, 88, 24, 1, 0, False),
+    _Block(5, 96, 40, 2, 24, True),
+    _Block(5, 240, 40, 1, 64, True),
+    _Block(5, 240, 40, 1, 64, True),
+    _Block(5, 120, 48, 1, 32, True),
+    _Block(5, 144, 48, 1, 40, True),
+    _Block(5, 288, 96, 1, 72, True),
+)
+_LOWER: Final = 4  # entries of `features` up to stride 8
+
+
+class NanoKernels(NamedTuple):
+    """What the head takes from a template.
+
+    Attributes
+    ----------
+    pixels_box, pixels_score : (N, 64, 96)
+        Kernels of the pixel-wise correlation, one for each cell of the template.
+    core_box, core_score : (N, 96, 4, 4)
+        Kernels of the depthwise correlation.
+    """
+
+    pixels_box: Tensor
+    pixels_score: Tensor
+    core_box: Tensor
+    core_score: Tensor
+
+
+class NanoResponses(NamedTuple):
+    """What the head makes of a search crop, on 15 x 15 cells that are 16 px apart.
+
+    Attributes
+    ----------
+    score : (N, 2, 15, 15)
+        Logits of background and target.
+    distances : (N, 4, 15, 15)
+        From the cell's center to the target's left, top, right and bottom, px of the crop.
+    tower : (N, 96, 15, 15)
+        Features that the distances are computed from.
+    """
+
+    score: Tensor
+    distances: Tensor
+    tower: Tensor
+
+
+class NanoBackbone(nn.Module):
+    """Crop (N, 3, S, S) -> features at strides 8 and 16: (N, 24, n, n), (N, 96, n / 2, n / 2).
+
+    127 pixels give 16 x 16 and 8 x 8 cells, 255 pixels 32 x 32 and 16 x 16.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        stem = nn.Sequential(
+            nn.Conv2d(3, _STEM, 3, stride=2, padding=1, bias=False),
+            nn.BatchNorm2d(_STEM),
+            nn.Hardswish(),
+        )
+        blocks, channels = [], _STEM
+        for block in _BLOCKS:
+            blocks.append(_InvertedResidual(channels, block))
+            channels = block.channels
+        self.features = nn.Sequential(stem, *blocks)
+
+    def forward(self, crop: Tensor) -> tuple[Tensor, Tensor]:
+        """Features of a crop."""
+        fine = self.lower(crop)
+        return fine, self.upper(fine)
+
+    def lower(self, crop: Tensor) -> Tensor:
+        """Features at stride 8 of a crop."""
+        fine: Tensor = self.features[:_LOWER](crop)
+        return fine
+
+    def upper(self, fine: Tensor) -> Tensor:
+        """Features at stride 16 of those at stride 8."""
+        coarse: Tensor = self.features[_LOWER:](fine)
+        return coarse
+
+    def upper_weights(self) -> list[nn.Parameter]:
+        """The parameters behind stride 8."""
+        return list(self.features[_LOWER:].parameters())
+
+
+class NanoHead(nn.Module):
+    """Correlation of template and search features, and two towers over it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.corr_pw_reg = _PixelCorrelation()
+        self.corr_pw_cls = _PixelCorrelation()
+        self.corr_dw_reg = _DepthwiseCorrelation()
+        self.corr_dw_cls = _DepthwiseCorrelation()
+        self.down_reg = nn.Sequential(nn.Conv2d(_KERNEL_SIDE**2 + WIDTH, WIDTH, 1))
+        self.down_cls = nn.Sequential(nn.Conv2d(_KERNEL_SIDE**2 + WIDTH, WIDTH, 1))
+        self.bbox_tower = _tower()
+        self.cls_tower = _tower()
+        self.cls_logits = nn.Sequential(nn.Conv2d(WIDTH, 2, 1))
+        self.bbox_pred = nn.Sequential(nn.Conv2d(WIDTH, 4, 1))
+
+    def kernels(self, template: Tensor) -> NanoKernels:
+        """Kernels of a template's features (N, 96, 8, 8)."""
+        core = template[:, :, _CORE, _CORE]
+        return NanoKernels(
+            self.corr_pw_reg.kernel(template),
+            self.corr_pw_cls.kernel(template),
+            self.corr_dw_reg.kernel(core),
+            self.corr_dw_cls.kernel(core),
+        )
+
+    def forward(self, kernels: NanoKernels, search: Tensor) -> NanoResponses:
+        """Responses of search features (N, 96, 16, 16)."""
+        box = self.down_reg(
+            torch.cat(
+                [
+                    self.corr_pw_reg(kernels.pixels_box, search),
+                    self.corr_dw_reg(kernels.core_box, search),
+                ],
+                dim=1,
+            )
+        )
+        score = self.down_cls(
+            torch.cat(
+                [
+                    self.corr_pw_cls(kernels.pixels_score, search),
+                    self.corr_dw_cls(kernels.core_score, search),
+                ],
+                dim=1,
+            )
+        )
+        tower = self.bbox_tower(box)
+        distances = torch.exp(self.bbox_pred(tower))
+        return NanoResponses(self.cls_logits(self.cls_tower(score)), distances, tower)
+
+
+class _InvertedResidual(nn.Module):
+    """Widen, filter, weigh the channels, narrow; MobileNetV3's block.
+
+    The first block does not widen, and has its weighing after the nonlinearity; the others before.
+    """
+
+    def __init__(self, channels: int, block: _Block) -> None:
+        super().__init__()
+        filtered = nn.Conv2d(
+            block.wide,
+            block.wide,
+            block.kernel,
+            stride=block.stride,
+            padding=block.kernel // 2,
+            groups=block.wide,
+            bias=False,
+        )
+        narrow = nn.Conv2d(block.wide, block.channels, 1, bias=False)
+        weighed = _Excitation(block.wide, block.squeezed) if block.squeezed else nn.Identity()
+        if channels == block.wide:
+            layers = [filtered, nn.BatchNorm2d(block.wide), _active(block), weighed]
+        else:
+            layers = [
+                nn.Conv2d(channels, block.wide, 1, bias=False),
+                nn.BatchNorm2d(block.wide),
+                _active(block),
+                filtered,
+                nn.BatchNorm2d(block.wide),
+                weighed,
+                _active(block),
+            ]
+        self.conv = nn.Sequential(*layers, narrow, nn.BatchNorm2d(block.channels))
+        self._adds = block.stride == 1 and channels == block.channels
+
+    def forward(self, features: Tensor) -> Tensor:
+        out: Tensor = self.conv(features)
+        return features + out if self._adds else out
+
+
+class _Excitation(nn.Module):
+    """Every channel times a factor that the means of all channels decide."""
+
+    def __init__(self, channels: int, squeezed: int) -> None:
+        super().__init__()
+        self.fc = nn.Sequential(
+            nn.Linear(channels, squeezed),
+            nn.ReLU(inplace=True),
+            nn.Linear(squeezed, channels),
+            nn.Hardsigmoid(),
+        )
+
+    def forward(self, features: Tensor) -> Tensor:
+        factors: Tensor = self.fc(features.mean(dim=(2, 3)))
+        return features * factors[:, :, None, None]
+
+
+class _PixelCorrelation(nn.Module):
+    """Every cell of the template compared with every cell of the search crop (PG-Net)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        cells = _KERNEL_SIDE**2
+        self.conv_kernel = _projected()
+        self.conv_search = _projected()
+        self.CA_layer = _ChannelAttention(cells)
+        self.conv = nn.Sequential(
+            nn.Conv2d(cells, cells, 2, groups=cells, bias=False),
+            nn.BatchNorm2d(cells),
+            nn.ReLU6(inplace=True),
+            nn.Conv2d(cells, cells, 1),
+            nn.BatchNorm2d(cells),
+        )
+
+    def kernel(self, template: Tensor) -> Tensor:
+        cells: Tensor = self.conv_kernel(template)
+        return cells.flatten(2).transpose(1, 2)
+
+    def forward(self, kernel: Tensor, search: Tensor) -> Tensor:
+        features = self.conv_search(search)
+        alike = torch.matmul(kernel, features.flatten(2))
+        alike = alike.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
+        out: Tensor = self.conv(self.CA_layer(alike))
+        return out
+
+
+class _ChannelAttention(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.fc1 = nn.Conv2d(channels, channels, 1)
+        self.fc2 = nn.Conv2d(channels, channels, 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        mean = features.mean(dim=(2, 3), keepdim=True)
+        return features * torch.sigmoid(self.fc2(F.relu(self.fc1(mean))))
+
+
+class _DepthwiseCorrelation(nn.Module):
+    """The middle of the template slid over the search crop, channel by channel."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv_kernel = _projected()
+        self.conv_search = _projected()
+
+    def kernel(self, core: Tensor) -> Tensor:
+        out: Tensor = self.conv_kernel(core)
+        return out
+
+    def forward(self, kernel: Tensor, search: Tensor) -> Tensor:
+        features = self.conv_search(search)
+        n, channels = features.shape[:2]
+        together = features.reshape(1, n * channels, *features.shape[2:])
+        weights = kernel.reshape(n * channels, 1, *kernel.shape[2:])
+        out = F.conv2d(together, weights, padding=1, groups=n * channels)
+        return out.reshape(n, channels, *out.shape[2:])
+
+
+def _active(block: _Block) -> nn.Module:
+    return nn.Hardswish() if block.hard else nn.ReLU(inplace=True)
+
+
+def _projected() -> nn.Sequential:
+    return nn.Sequential(nn.Conv2d(WIDTH, WIDTH, 1), nn.BatchNorm2d(WIDTH))
+
+
+def _tower() -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for _ in range(_TOWER):
+        layers += [
+            nn.Conv2d(WIDTH, WIDTH, 3, padding=1, groups=WIDTH, bias=False),
+            nn.BatchNorm2d(WIDTH),
+            nn.ReLU6(inplace=True),
+            nn.Conv2d(WIDTH, WIDTH, 1, bias=False),
+            nn.BatchNorm2d(WIDTH),
+        ]
+    return nn.Sequential(*layers)
