@@ -36,6 +36,7 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
     from ssiam.training.loop import train as run
     from ssiam.training.opening import open_training_source
     from ssiam.training.pairs import PairSampler
+    from ssiam.training.tutors import TaughtSampler
 
     settings = read_config(config)
     folder = out or Path("runs") / config.stem
@@ -44,7 +45,9 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     sources = [open_training_source(each) for each in settings.sources]
-    sampler = PairSampler(sources, settings.pairs, settings.seed)
+    pairs = PairSampler(sources, settings.pairs, settings.seed)
+    teacher = settings.teacher if settings.network.kind == "lite2" else None
+    sampler = pairs if teacher is None else TaughtSampler(pairs, teacher)
     batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
     run(settings, batches, folder, _show)
 

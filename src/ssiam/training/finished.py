@@ -8,19 +8,22 @@ from typing import Final
 from ssiam.errors import ArgumentError, SinkError
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.lite import LiteNetwork
+from ssiam.networks.lite2 import Lite2Network
 from ssiam.runtime.exported import OPSET, Exported
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import read_state, write_file
-from ssiam.training.network_settings import WEIGHTS
+from ssiam.training.network_settings import WEIGHTS, NetworkSettings
 from ssiam.training.settings import TrainSettings
 
 __all__ = ["NETWORK", "WEIGHTS", "write_network", "write_so_far"]
 
 NETWORK: Final = "lite"  # in the record beside the pieces
+NETWORK2: Final = "lite2"
 _KERNEL: Final = (1, 64, 96)
+_CORE: Final = (1, 96, 4, 4)
 
 
-def write_network(network: LiteNetwork, folder: Path) -> None:
+def write_network(network: LiteNetwork | Lite2Network, folder: Path) -> None:
     """Write weights.pth, template.onnx, search.onnx and the record of them.
 
     Raises
@@ -32,13 +35,19 @@ def write_network(network: LiteNetwork, folder: Path) -> None:
     """
     write_file(folder / WEIGHTS, network.state_dict())
     graphs = inference_graphs(network)
-    shapes: dict[str, list[tuple[int, ...]]] = {
+    name = NETWORK
+    kernels: list[tuple[int, ...]] = [_KERNEL]
+    if isinstance(network, Lite2Network):
+        context = (1, max(len(network.relation.blocks), 1), 2, *_KERNEL[1:])
+        name, kernels = NETWORK2, [_KERNEL, _KERNEL, _CORE, _CORE, context, context]
+        graphs["search"].input_names += ("recent",)
+    shapes = {
         "template": [network.template_shape],
-        "search": [network.search_shape, _KERNEL],
+        "search": [network.search_shape, *kernels],
     }
     for piece, graph in graphs.items():
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
-    record = Exported(NETWORK, NETWORK, sha256(folder / WEIGHTS), tuple(graphs))
+    record = Exported(NETWORK, name, sha256(folder / WEIGHTS), tuple(graphs))
     record.write(folder)
 
 
@@ -57,7 +66,7 @@ def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
     state = read_state(run, settings)
     if state is None:
         raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
-    network = LiteNetwork(settings.network.blocks, light=settings.network.light)
+    network = built(settings.network)
     network.load_state_dict(state["average"])
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -65,3 +74,10 @@ def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
         raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
     write_network(network.eval(), folder)
     return int(state["step"])
+
+
+def built(settings: NetworkSettings) -> LiteNetwork | Lite2Network:
+    """The network of the settings, with random weights."""
+    if settings.kind == "lite2":
+        return Lite2Network(settings.attention)
+    return LiteNetwork(settings.blocks, light=settings.light)

@@ -7,27 +7,29 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
+from typing import TypeAlias
 
 import cv2
 
 from ssiam.errors import SsiamError
 from ssiam.training.batches import Batch
 from ssiam.training.pairs import PairSampler
+from ssiam.training.tutors import TaughtSampler
+
+Sampler: TypeAlias = PairSampler | TaughtSampler
 
 # Batches that every worker has drawn or is drawing before the first of them is asked for.
 _AHEAD = 2
 
-_of_worker: PairSampler | None = None
+_of_worker: Sampler | None = None
 
 
-def load_batches(
-    sampler: PairSampler, steps: range, size: int, workers: int = 0
-) -> Iterator[Batch]:
+def load_batches(sampler: Sampler, steps: range, size: int, workers: int = 0) -> Iterator[Batch]:
     """The batch of every step, in order; the same whatever the number of workers.
 
     Parameters
     ----------
-    sampler : PairSampler
+    sampler : PairSampler or TaughtSampler
     steps : range
     size : int
         Pairs of a batch.
@@ -68,7 +70,7 @@ def _in_order(pool: ProcessPoolExecutor, steps: range, size: int, ahead: int) ->
         yield coming.popleft().result()
 
 
-def _start(sampler: PairSampler) -> None:
+def _start(sampler: Sampler) -> None:
     global _of_worker
     cv2.setNumThreads(1)
     _of_worker = sampler

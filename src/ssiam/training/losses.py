@@ -12,7 +12,15 @@ from ssiam.networks.lite import LiteResponses
 from ssiam.training.settings import LossSettings
 from ssiam.training.targets import Targets, cell_targets, corners_of, decoded
 
-__all__ = ["Truth", "box_loss", "overlaps", "pair_losses"]
+__all__ = [
+    "Truth",
+    "box_loss",
+    "cross_entropy",
+    "mean",
+    "overlaps",
+    "pair_losses",
+    "score_loss",
+]
 
 _ALPHA: Final = 0.25  # of the focal loss (Lin et al., ICCV 2017, table 1b)
 _GAMMA: Final = 2.0
@@ -46,9 +54,9 @@ def pair_losses(
     wanted = corners_of(truth.box)[:, :, None, None]
     iou, giou = overlaps(boxes, wanted)
     by_name = {
-        "score": _score_loss(responses.score[:, 0], targets, truth.weight, settings),
-        "box": _mean(box_loss(iou, giou, settings.kind_of_box), cells),
-        "quality": _mean(_cross_entropy(responses.quality[:, 0], iou.detach()), cells),
+        "score": score_loss(responses.score[:, 0], targets, truth.weight, settings),
+        "box": mean(box_loss(iou, giou, settings.kind_of_box), cells),
+        "quality": mean(cross_entropy(responses.quality[:, 0], iou.detach()), cells),
         "mask": _mask_loss(responses.mask[:, 0], truth),
     }
     return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
@@ -75,13 +83,14 @@ def box_loss(iou: Tensor, giou: Tensor, kind: str) -> Tensor:
     return 1 - giou if kind == "giou" else -torch.log(iou.clamp(min=1e-3))
 
 
-def _score_loss(logits: Tensor, targets: Targets, weight: Tensor, settings: LossSettings) -> Tensor:
+def score_loss(logits: Tensor, targets: Targets, weight: Tensor, settings: LossSettings) -> Tensor:
+    """Focal or balanced loss of score logits (N, n, n); `weight` (N,) is that of each pair."""
     positive = targets.positive.float()
     counted = weight[:, None, None] * ~targets.ignored
-    entropy = _cross_entropy(logits, positive)
+    entropy = cross_entropy(logits, positive)
     if settings.kind_of_score == "balanced":
         on, off = counted * positive, counted * (1 - positive)
-        return (_mean(entropy, on) + _mean(entropy, off)) / 2
+        return (mean(entropy, on) + mean(entropy, off)) / 2
     wrong = torch.where(targets.positive, 1 - logits.sigmoid(), logits.sigmoid())
     alpha = torch.where(targets.positive, _ALPHA, 1 - _ALPHA)
     focal = alpha * wrong**_GAMMA * entropy * counted
@@ -94,18 +103,19 @@ def _mask_loss(logits: Tensor, truth: Truth) -> Tensor:
     Dice as of V-Net (Milletari et al., 3DV 2016), which is 1 for shares that are met as well.
     """
     weight = truth.weight * truth.masked
-    entropy = _cross_entropy(logits, truth.mask).mean(dim=(1, 2))
+    entropy = cross_entropy(logits, truth.mask).mean(dim=(1, 2))
     inside, both = logits.sigmoid(), (1, 2)
     shared = 2 * (inside * truth.mask).sum(dim=both) + 1
     dice = 1 - shared / (inside.square().sum(dim=both) + truth.mask.square().sum(dim=both) + 1)
-    return _mean(entropy, weight) + _mean(dice, weight * truth.present)
+    return mean(entropy, weight) + mean(dice, weight * truth.present)
 
 
-def _cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
+def cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
+    """Binary cross-entropy of every logit."""
     return F.binary_cross_entropy_with_logits(logits, probability, reduction="none")
 
 
-def _mean(values: Tensor, weights: Tensor) -> Tensor:
+def mean(values: Tensor, weights: Tensor) -> Tensor:
     """Weighted mean; 0 where nothing counts."""
     return (values * weights).sum() / weights.sum().clamp(min=1)
 

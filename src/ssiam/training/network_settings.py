@@ -8,6 +8,7 @@ from typing import Final, Literal
 
 from ssiam.errors import ArgumentError
 from ssiam.networks.lite import BLOCKS
+from ssiam.networks.lite2 import ATTENTION_BLOCKS
 from ssiam.trackers.lite import SHIPPED
 from ssiam.training.validation_settings import require
 
@@ -23,6 +24,11 @@ class NetworkSettings:
 
     Attributes
     ----------
+    kind : {"lite", "lite2"}
+        The network of `ssiam.networks.lite`, or that of `ssiam.networks.lite2`. Of the numbers
+        below, "lite2" uses `attention`, `begin` and `frozen_steps` alone.
+    attention : int
+        Attention blocks of "lite2"; 0: correlation alone.
     blocks : int
         Of the backbone, 9 to 11.
     light : bool
@@ -31,7 +37,8 @@ class NetworkSettings:
         File of the backbone's ImageNet weights; None: that of the installed package.
     begin : str, optional
         The weights.pth of a run to begin with, which may have had no light stem; or "lite", the
-        shipped ones. None: ImageNet's weights and a network that knows nothing else.
+        shipped ones. None: ImageNet's weights and a network that knows nothing else. "lite2"
+        begins with the authors' nanotrackv3.pth, or with the weights.pth of a run.
     learns : {"all", "mask"}
         Everything, or the mask head alone: the rest, and so the tracking, stays as it is. The
         numbers below then say nothing.
@@ -45,6 +52,8 @@ class NetworkSettings:
         and runs in OpenVINO.
     """
 
+    kind: Literal["lite", "lite2"] = "lite"
+    attention: int = ATTENTION_BLOCKS
     blocks: int = BLOCKS
     light: bool = True
     weights: str | None = None
@@ -55,6 +64,8 @@ class NetworkSettings:
     trained_levels: int = 1
 
     def __post_init__(self) -> None:
+        if self.kind == "lite2" and self.begin is None:
+            raise ArgumentError('kind "lite2" begins with trained weights: give begin')
         wanted = (0, 1, LEVELS) if self.light else (0, 1, 2)
         require(
             self.trained_levels in wanted,
@@ -82,7 +93,8 @@ class NetworkSettings:
     @property
     def stem_alone(self) -> int:
         """Number of the first steps, in which only a light stem learns."""
-        return self.stem_steps if self.light and self.learns == "all" else 0
+        alone = self.kind == "lite" and self.light and self.learns == "all"
+        return self.stem_steps if alone else 0
 
     def frozen_levels(self, step: int) -> int:
         """Levels of the backbone that do not learn in a step."""

@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from torch import nn
 from torch.optim import AdamW
 
+from ssiam.training.lite2_student import Lite2Student
 from ssiam.training.schedule import rate
-from ssiam.training.settings import TrainSettings
+from ssiam.training.settings import OptimiserSettings, TrainSettings
 from ssiam.training.student import Student
 
 __all__ = ["build_optimiser", "set_rate"]
 
 
-def build_optimiser(student: Student, settings: TrainSettings) -> AdamW:
+def build_optimiser(student: Student | Lite2Student, settings: TrainSettings) -> AdamW:
     """AdamW on all that will ever learn, in groups that know their `factor` of the rate.
 
     A light stem has none: ImageNet has not taught it.
     """
     own = settings.optimiser
+    if isinstance(student, Lite2Student):
+        return _optimiser(student.parts(own), own)
     first_trained = settings.network.frozen_levels(settings.network.frozen_steps)
     backbone = student.backbone_weights(first_trained)
     theirs = {id(parameter) for parameter in student.network.backbone.parameters()}
     others = [each for each in student.parameters() if id(each) not in theirs]
     others += student.stem_weights()
+    return _optimiser([(backbone, own.backbone), (others, 1.0)], own)
+
+
+def _optimiser(parts: Sequence[tuple[list[nn.Parameter], float]], own: OptimiserSettings) -> AdamW:
+    """AdamW on parts of a network, each with its factor of the rate."""
     groups = [
         {"params": weights, "factor": factor, "weight_decay": decay}
-        for parameters, factor in ((backbone, own.backbone), (others, 1.0))
+        for parameters, factor in parts
         for weights, decay in zip(_split(parameters), (own.decay, 0.0), strict=True)
         if weights
     ]

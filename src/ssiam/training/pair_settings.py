@@ -22,6 +22,13 @@ class PairSettings:
     beside, away : float
         Shares 0..1 of them that show another object of the same picture, where there is one, and
         another part of the same picture. The others show another track's target.
+    recent : float
+        Share 0..1 of pairs that show the target a second time, as a tracker has seen it lately;
+        the recent template of the others is the template.
+    mistaken : float
+        Share 0..1 of those whose recent template shows a distractor instead.
+    towards : float
+        Share 0..1 of search crops that are shifted towards a distractor of the same picture.
     surroundings : float
         Share 0..1 of search crops beyond whose picture another track's picture is seen, and not
         only a colour.
@@ -38,12 +45,16 @@ class PairSettings:
     negatives: float = 0.12
     beside: float = 0.4
     away: float = 0.2
+    recent: float = 0.0
+    mistaken: float = 0.05
+    towards: float = 0.0
     surroundings: float = 0.5
     windows: WindowSettings = field(default_factory=WindowSettings)
     augment: AugmentSettings = field(default_factory=AugmentSettings)
 
     def __post_init__(self) -> None:
-        for name in ("negatives", "beside", "away", "surroundings"):
+        shares = "negatives", "beside", "away", "recent", "mistaken", "towards", "surroundings"
+        for name in shares:
             if not 0 <= (value := getattr(self, name)) <= 1:
                 raise ArgumentError(f"{name} {value} of pairs: give a share from 0 to 1")
         if self.beside + self.away > 1:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +13,10 @@ from numpy.typing import NDArray
 from ssiam.datasets import DatasetError
 from ssiam.errors import SsiamError
 from ssiam.geometry import Image
-from ssiam.training.augment import changed, covered, greyed
-from ssiam.training.batches import SEARCH, Batch, Pair, batch_of
+from ssiam.training.augment import changed, coarsened, covered, greyed
+from ssiam.training.batches import SEARCH, TEMPLATE, Batch, Pair, batch_of
 from ssiam.training.choosing import Shot
-from ssiam.training.crops import crop_mask, crop_picture, mask_cells
+from ssiam.training.crops import crop_mask, crop_picture, mask_cells, window_around
 from ssiam.training.pair_settings import PairSettings
 from ssiam.training.shaking import smeared
 from ssiam.training.sources import Source
@@ -25,6 +27,10 @@ _log = logging.getLogger(__name__)
 
 # Targets drawn for one pair before it is said that there are none.
 _TRIES = 100
+# By how much a tracker's boxes are less exact than annotated ones.
+_LOOSE = 2.5
+# Pixels of the frame: sides of a small target.
+_SMALL = (12.0, 32.0)
 # How often the template is smeared, against the search crop.
 _TEMPLATE_SHAKE = 0.25
 
@@ -89,9 +95,31 @@ class PairSampler:
         view = self._views.view(shot, mirrored, rng)
         search, box, mask = self._search(view, rng)
         template, search = (changed(crop, augment, rng) for crop in (template, search))
+        recent = self._recent(view, mirrored, rng) if self._settings.recent else None
+        if augment.small and rng.random() < augment.small:
+            size = _target_side(shot)
+            factor = size / min(size, rng.uniform(*_SMALL))
+            template, search = (coarsened(crop, factor) for crop in (template, search))
+            recent = None if recent is None else coarsened(recent, factor)
         if grey:
             template, search = greyed(template), greyed(search)
-        return Pair(template, search, box, view.present, mask)
+            recent = None if recent is None else greyed(recent)
+        size_wh = _template_wh(shot)
+        return Pair(template, search, box, view.present, mask, recent, size_wh)
+
+    def _recent(self, view: View, mirrored: bool, rng: np.random.Generator) -> Image | None:
+        """By chance, the target near the view's time, cut less exactly than the template."""
+        if view.target is None or rng.random() >= self._settings.recent:
+            return None
+        windows = self._settings.windows
+        loose = replace(
+            windows,
+            template_shift=windows.template_shift * _LOOSE,
+            template_scale=windows.template_scale * _LOOSE,
+        )
+        shot = self._views.recent(view.target, rng)
+        crop = crop_picture(shot.image, template_window(shot.xywh, mirrored, loose, rng))
+        return changed(crop, self._settings.augment, rng)
 
     def _template(self, shot: Shot, mirrored: bool, rng: np.random.Generator) -> Image:
         window = template_window(shot.xywh, mirrored, self._settings.windows, rng)
@@ -115,3 +143,14 @@ class PairSampler:
         crop = smeared(crop, view.shake.trail, view.window.crop_from_frame)
         told = mask is not None or not view.present
         return crop, box.astype(np.float32), mask_cells(coverage) if told else None
+
+
+def _target_side(shot: Shot) -> float:
+    """The side of a square of the target's area, pixels of the template crop."""
+    return math.sqrt(math.prod(_template_wh(shot)))
+
+
+def _template_wh(shot: Shot) -> tuple[float, float]:
+    """Width and height of the target in a template crop that is cut exactly, pixels."""
+    zoom = TEMPLATE / window_around(shot.xywh, TEMPLATE).side
+    return shot.xywh[2] * zoom, shot.xywh[3] * zoom

@@ -34,6 +34,9 @@ class OptimiserSettings:
         That of a light stem while it learns alone.
     backbone : float
         Factor of the backbone's rate.
+    head : float
+        Factor of the rate of the parts of "lite2" that begin with trained weights and follow the
+        backbone.
     decay : float
         Of the weights, for each unit of the rate; normalisations and biases have none.
     warm_up : int
@@ -49,6 +52,7 @@ class OptimiserSettings:
     lr: float = 1e-3
     stem_lr: float = 2e-2
     backbone: float = 0.1
+    head: float = 0.3
     decay: float = 0.02
     warm_up: int = 1000
     final: float = 0.01
@@ -69,7 +73,11 @@ class LossSettings:
     kind_of_score : {"focal", "balanced"}
         Focal loss, or cross-entropy in which cells on and off the target count alike.
     kind_of_box : {"giou", "log_iou"}
-    score, box, quality, mask : float
+    score, box, quality, mask, distractor : float
+        `distractor`, of "lite2": the best cell off the target scores by less than `margin` less
+        than the best one on it.
+    margin : float
+        Logits.
     """
 
     kind_of_score: Literal["focal", "balanced"] = "focal"
@@ -78,22 +86,31 @@ class LossSettings:
     box: float = 2.0
     quality: float = 0.5
     mask: float = 1.0
+    distractor: float = 0.0
+    margin: float = 3.0
 
 
 @dataclass(frozen=True)
 class TeacherSettings:
-    """A trained NanoTrack v3 to learn from, also on pairs of weight 0.
+    """A trained NanoTrack v3 to learn from, also on pairs of weight 0; for "lite2" FEAR-XS as well.
 
     Attributes
     ----------
     weights : str
         Folder of its two ONNX files.
+    fear : str, optional
+        Folder of FEAR-XS's two ONNX files. "lite2" learns, pair by pair, from the one of the two
+        whose best box agrees better with the truth.
+    agreement : float
+        Overlap (IoU) of that box with the truth from which "lite2" learns from it.
     features, score, box : float
-        Weights of being unlike it: of the features at stride 16, of the scores, and of the boxes
-        where it sees the target.
+        Weights of being unlike it: of the features at stride 16 (not of "lite2"), of the scores,
+        and of the boxes where it sees the target.
     """
 
     weights: str
+    fear: str | None = None
+    agreement: float = 0.6
     features: float = 1.0
     score: float = 0.5
     box: float = 0.5

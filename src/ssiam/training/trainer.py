@@ -14,6 +14,8 @@ from ssiam.errors import WeightsError
 from ssiam.runtime.openvino import computes_in_bf16
 from ssiam.training.batches import Batch
 from ssiam.training.ema import Average
+from ssiam.training.lite2_losses import lite2_losses
+from ssiam.training.lite2_student import Lite2Student
 from ssiam.training.losses import Truth, pair_losses
 from ssiam.training.optimiser import build_optimiser, set_rate
 from ssiam.training.settings import TeacherSettings, TrainSettings
@@ -44,13 +46,18 @@ class Trainer:
         self._settings = settings
         self._bf16 = _quick_in_bf16()
         teacher = settings.teacher
-        self._teacher = None if teacher is None else _teacher(teacher, settings.threads)
-        self._student = Student(
-            settings.network,
-            taught=teacher is not None,
-            threads=settings.threads,
-            precision="bf16" if computes_in_bf16() else "f32",
-        )
+        self._teacher = None
+        self._student: Student | Lite2Student
+        if settings.network.kind == "lite2":
+            self._student = Lite2Student(settings.network)
+        else:
+            self._teacher = None if teacher is None else _teacher(teacher, settings.threads)
+            self._student = Student(
+                settings.network,
+                taught=teacher is not None,
+                threads=settings.threads,
+                precision="bf16" if computes_in_bf16() else "f32",
+            )
         # Its overloads differ between versions of PyTorch.
         cast(Any, self._student).to(memory_format=torch.channels_last)
         self.average = Average(self._student.network, settings.optimiser.average)
@@ -95,6 +102,8 @@ class Trainer:
             ) from error
 
     def _losses(self, batch: Batch) -> dict[str, Tensor]:
+        if isinstance(self._student, Lite2Student):
+            return lite2_losses(self._student(batch), batch, self._settings)
         if self.step < self._settings.network.stem_alone:
             with self._arithmetic():
                 return {"stem": self._student.stem_loss(batch.search)}

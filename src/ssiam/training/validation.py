@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from functools import partial
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
@@ -13,33 +14,40 @@ from ssiam.datasets import Sequence, open_dataset
 from ssiam.evaluation.success import mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.lite import LiteNetwork
+from ssiam.networks.lite2 import Lite2Network
 from ssiam.runtime import Network
 from ssiam.stabilize import FrameView
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
+from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker
 from ssiam.training.validation_settings import HeldOut, ValidationSettings
 
 __all__ = ["held_out_sequences", "validate"]
 
 
-def validate(network: LiteNetwork, settings: ValidationSettings) -> dict[str, float]:
-    """Success and precision of one pass over the held-out sequences, their means.
+def validate(network: LiteNetwork | Lite2Network, settings: ValidationSettings) -> dict[str, float]:
+    """Success and precision of one pass over the held-out sequences, means of each dataset.
 
     Every sequence is started on its first box and tracked for as many frames as the settings
-    say, without steadying.
+    say, without stabilization. The values of the first dataset are called success and precision;
+    those of the others have the dataset's name before that.
 
     Raises
     ------
     DatasetError
         A dataset is missing or damaged.
     """
-    tracker = LiteTracker(_networks(network), masks=False)  # success does not look at them
-    found = []
-    for sequence in held_out_sequences(settings.held_out):
-        count = min(len(sequence), settings.frames, len(sequence.truth))
-        truth = np.array([sequence.box(t) for t in range(count)])
-        found.append(success(_tracked(tracker, sequence, count), truth))
-    mean = mean_success(found)
-    return {"success": mean.auc, "precision": mean.precision}
+    tracker = _tracker(network)
+    values: dict[str, float] = {}
+    for number, each in enumerate(settings.held_out):
+        found = []
+        for sequence in held_out_sequences((each,)):
+            count = min(len(sequence), settings.frames, len(sequence.truth))
+            truth = np.array([sequence.box(t) for t in range(count)])
+            found.append(success(_tracked(tracker, sequence, count), truth))
+        mean = mean_success(found)
+        prefix = f"{each.name or Path(each.path).name} " if number else ""
+        values |= {f"{prefix}success": mean.auc, f"{prefix}precision": mean.precision}
+    return values
 
 
 def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
@@ -51,18 +59,22 @@ def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
                 yield dataset.sequences[name]
 
 
-def _tracked(tracker: LiteTracker, sequence: Sequence, count: int) -> list[tuple[float, ...]]:
+def _tracked(
+    tracker: LiteTracker | Lite2Tracker, sequence: Sequence, count: int
+) -> list[tuple[float, ...]]:
     """The boxes of a sequence's first frames."""
     frames = islice(sequence.images(), count)
     tracker.init(FrameView(next(frames)), sequence.box(0))
     return [sequence.box(0), *(tracker.track(FrameView(frame)).box for frame in frames)]
 
 
-def _networks(network: LiteNetwork) -> LiteNetworks:
-    """The pieces in PyTorch."""
+def _tracker(network: LiteNetwork | Lite2Network) -> LiteTracker | Lite2Tracker:
+    """A tracker on the network's pieces in PyTorch; success does not look at masks."""
     graphs = inference_graphs(network, sliced=False)
     runners: dict[str, Network] = {
         piece: GraphRunner(graphs[piece].eval(), partial(PieceShapes, [], []))
         for piece in ("template", "search")
     }
-    return LiteNetworks(runners["template"], runners["search"])
+    if isinstance(network, Lite2Network):
+        return Lite2Tracker(Lite2Networks(runners["template"], runners["search"]))
+    return LiteTracker(LiteNetworks(runners["template"], runners["search"]), masks=False)

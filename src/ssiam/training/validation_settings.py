@@ -21,12 +21,15 @@ class HeldOut:
         Likewise.
     only : tuple of str
         Patterns of sequences that are taken; empty: all.
+    name : str
+        In the metrics, of all datasets but the first; empty: the name of the folder.
     """
 
     path: str
     kind: str | None = None
     split: str | None = None
     only: tuple[str, ...] = ()
+    name: str = ""
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from ssiam.training.pictures import size_of
 from ssiam.training.shaking import STILL, Shake, draw_shake
 from ssiam.training.sources import Mask, Source
 from ssiam.training.windows import is_clear, search_window, window_away, window_inside
+
+# The reach of pairs, for each frame that a recent template is apart.
+_RECENT: Final = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,8 @@ class View:
         What is seen beyond the picture.
     turned : bool
         Whether the window is rolled by any angle; the target then has a mask.
+    target : Shot, optional
+        The target near that time, whether the crop shows it or not.
     """
 
     shot: Shot
@@ -43,6 +49,7 @@ class View:
     present: bool
     behind: Image | None = None
     turned: bool = False
+    target: Shot | None = None
 
     @property
     def box(self) -> NDArray[np.float64] | None:
@@ -81,7 +88,15 @@ class ViewChooser:
         view = None
         if rng.random() < self._settings.negatives:
             view = self._negative(later, mirrored, rng)
-        return view or self._aimed(later, later, mirrored, rng)
+        return replace(view or self._aimed(later, later, mirrored, rng), target=later)
+
+    def recent(self, target: Shot, rng: np.random.Generator) -> Shot:
+        """The target of a view as it was lately or, now and then, a distractor beside it."""
+        if rng.random() < self._settings.mistaken:
+            distractor = self._chooser.beside(target, rng)
+            if distractor is not None:
+                return distractor
+        return self._chooser.later(target, rng, self._settings.reach // _RECENT)
 
     def shake(self, shot: Shot, chance: float, rng: np.random.Generator) -> Shake:
         """A shake of the camera at the target of `shot`; none at all but by `chance`."""
@@ -110,11 +125,27 @@ class ViewChooser:
         settings = self._settings
         shake = self.shake(shot, settings.augment.shake, rng)
         turned = shot is target and self._is_turned(shot, rng)
+        towards_xy = self._towards(shot, rng) if shot is target and settings.towards else None
         window = search_window(
-            shot.xywh, mirrored, shake.step_xy, settings.windows, rng, turned=turned
+            shot.xywh,
+            mirrored,
+            shake.step_xy,
+            settings.windows,
+            rng,
+            turned=turned,
+            towards_xy=towards_xy,
         )
         behind = self._behind(target, shot, window, rng)
         return View(shot, window, shake, shot is target, behind, turned)
+
+    def _towards(self, target: Shot, rng: np.random.Generator) -> NDArray[np.float64] | None:
+        """By chance, the way (2,) to a distractor in the same picture, pixels of the picture."""
+        if rng.random() >= self._settings.towards:
+            return None
+        distractor = self._chooser.beside(target, rng)
+        if distractor is None:
+            return None
+        return np.subtract(centre_of(distractor.xywh), centre_of(target.xywh))
 
     def _is_turned(self, shot: Shot, rng: np.random.Generator) -> bool:
         """By chance, of a target whose mask tells its box from any side."""

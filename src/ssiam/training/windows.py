@@ -17,6 +17,8 @@ from ssiam.training.crops import Window, window_around
 # reach 124, and a target at the edge should show at least a part of itself.
 FARTHEST: Final = 112.0
 
+# Shares of the way to a distractor by which a window is shifted towards it.
+_TOWARDS: Final = (0.2, 1.0)
 # Pixels between the search crop and a target that is told not to be in it.
 _CLEAR: Final = 8.0
 # Times the log's standard deviation at which scales and stretches are cut off.
@@ -82,11 +84,13 @@ def search_window(
     rng: np.random.Generator,
     *,
     turned: bool = False,
+    towards_xy: NDArray[np.float64] | None = None,
 ) -> Window:
     """A window of 255 pixels that shows a box somewhere, rolled by any angle if it is `turned`.
 
     `step_xy` (2,), pixels of the picture, is how far the camera's shake has moved the target since
-    it was last seen; it is added to the shift.
+    it was last seen; it is added to the shift. `towards_xy` (2,), likewise, leads from the target
+    to a distractor, towards which the window is shifted, mostly farther than half of the way.
     """
     far = rng.random() < settings.far
     scale = settings.scale * (2 if far else 1)
@@ -94,7 +98,10 @@ def search_window(
     angle = rng.uniform(-np.pi, np.pi) if turned else window.angle
     window = replace(window, mirrored=mirrored, angle=angle)
     reach = FARTHEST if far else settings.shift
-    moved = rng.uniform(-reach, reach, 2) + window.crop_from_frame[:2, :2] @ step_xy
+    crop_from_frame = window.crop_from_frame[:2, :2]
+    moved = rng.uniform(-reach, reach, 2) + crop_from_frame @ step_xy
+    if towards_xy is not None:
+        moved = moved / 4 - crop_from_frame @ towards_xy * rng.uniform(*_TOWARDS)
     return shifted(window, np.clip(moved, -FARTHEST, FARTHEST))
 
 
