@@ -15,6 +15,7 @@ from ssiam.networks.checkpoints import read_tensors
 from ssiam.networks.efficientnet_lite import EfficientNetLite0
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
+from ssiam.networks.nanotrack import folded
 
 __all__ = ["load_imagenet", "load_lite2", "load_trained"]
 
@@ -76,7 +77,8 @@ def load_lite2(network: Lite2Network, path: Path) -> None:
     theirs = read_tensors(path)
     wrong = f"weights {path} are neither this network's nor NanoTrack v3's"
     if any(key.startswith(_NANOTRACK_HEAD) for key in theirs):
-        theirs = {key.replace(_NANOTRACK_HEAD, "head."): value for key, value in theirs.items()}
+        renamed = {key.replace(_NANOTRACK_HEAD, "head."): value for key, value in theirs.items()}
+        theirs = folded(renamed)
         wanted = [key for key in network.state_dict() if key.startswith(("backbone.", "head."))]
     else:
         wanted = list(network.state_dict())

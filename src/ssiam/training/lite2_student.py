@@ -19,8 +19,8 @@ __all__ = ["Lite2Student"]
 class Lite2Student(nn.Module):
     """A network in training.
 
-    All normalizations keep the statistics that NanoTrack v3 was trained with. What is computed up
-    to stride 8 stays as it is; what follows it in the backbone learns after `frozen_steps`.
+    What is computed up to stride 8 stays as it is; what follows it in the backbone learns after
+    `frozen_steps`.
 
     Parameters
     ----------

@@ -44,7 +44,8 @@ class Trainer:
         torch.set_num_threads(settings.threads)
         torch.manual_seed(settings.seed)
         self._settings = settings
-        self._bf16 = _quick_in_bf16()
+        # Depthwise convolutions, of which "lite2" has most, take longer in bf16.
+        self._bf16 = settings.network.kind == "lite" and _quick_in_bf16()
         teacher = settings.teacher
         self._teacher = None
         self._student: Student | Lite2Student
