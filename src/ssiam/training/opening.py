@@ -14,6 +14,7 @@ from ssiam.training.coco import read_coco
 from ssiam.training.davis import read_davis
 from ssiam.training.folders import by_stem, files_below
 from ssiam.training.masks import read_masks
+from ssiam.training.mot import read_mot
 from ssiam.training.regions import RegionSource
 from ssiam.training.sequences import SequenceSource
 from ssiam.training.sources import Names, Source, TrackList, TrainingTrack
@@ -26,12 +27,13 @@ _READERS: Final[dict[str, Callable[[Path, Names], list[TrainingTrack]]]] = {
     "coco": read_coco,
     "davis": read_davis,
     "masks": read_masks,
+    "mot": read_mot,
     "voc": read_voc,
     "voc_video": read_voc_video,
     "yolo": read_yolo,
     "youtube_vos": read_youtube_vos,
 }
-LAYOUTS: Final = (*_READERS, "regions", "stamps", *KINDS)
+LAYOUTS: Final = tuple(dict.fromkeys((*_READERS, "regions", "stamps", *KINDS)))
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ class SourceSettings:
     Attributes
     ----------
     layout : str
-        One of `LAYOUTS`: "coco", "davis", "masks", "voc", "voc_video" (pictures that follow each
-        other), "yolo", "youtube_vos"; "regions" (any pictures), "stamps" (PNGs with alpha); or a
-        kind of `ssiam.datasets.open_dataset`: "got10k", "lasot", "clip", ...
+        One of `LAYOUTS`: "coco", "davis", "masks", "mot", "voc", "voc_video" (pictures that follow
+        each other), "yolo", "youtube_vos"; "regions" (any pictures), "stamps" (PNGs with alpha);
+        or a kind of `ssiam.datasets.open_dataset`: "got10k", "lasot", "clip", ...
     path : str
         Its folder; of "coco" the JSON file.
     weight : float
