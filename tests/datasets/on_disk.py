@@ -96,3 +96,18 @@ def write_lasot(root, name, count=3, rows=None):
     (folder / "out_of_view.txt").write_text(",".join(["0"] * count) + "\n")
     (folder / "nlp.txt").write_text("a white airplane\n")
     return folder
+
+
+def write_mot(root, name, lines, count=4, *, info=True, images=None):
+    """A clip of MOTChallenge; `lines` are rows of numbers, or the text of gt.txt."""
+    folder = root / name
+    write_images(folder / "img1", images or range(1, count + 1), 6)
+    (folder / "gt").mkdir()
+    content = lines if isinstance(lines, str) else text(lines)
+    (folder / "gt" / "gt.txt").write_text(content)
+    if info:
+        (folder / "seqinfo.ini").write_text(
+            f"[Sequence]\nname={name}\nimDir=img1\nframeRate=30\nseqLength={count}\n"
+            "imWidth=12\nimHeight=8\nimExt=.jpg\n"
+        )
+    return folder

@@ -14,7 +14,7 @@ from ssiam.errors import ArgumentError
 
 def test_kinds_are_those_that_can_be_asked_for(tmp_path):
     assert set(KINDS) == {
-        "vot", "pysot", "otb", "uav123", "dtb70", "got10k", "lasot", "clip", "folder",
+        "vot", "pysot", "otb", "uav123", "dtb70", "got10k", "lasot", "mot", "clip", "folder",
     }  # fmt: skip
     write_vot(tmp_path, "ants1")
     for kind in KINDS:

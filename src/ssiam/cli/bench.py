@@ -48,8 +48,8 @@ def bench(
     Parameters
     ----------
     dataset
-        Folders of VOT, OTB, UAV123, DTB70, GOT-10k or LaSOT, a VOT2018.json, or a folder of
-        sequences.
+        Folders of VOT, OTB, UAV123, DTB70, GOT-10k, LaSOT or MOTChallenge, a VOT2018.json, or a
+        folder of sequences.
     out
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers

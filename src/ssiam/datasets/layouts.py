@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssiam.datasets import clips, dtb70, got10k, lasot, otb, uav123, vot
+from ssiam.datasets import clips, dtb70, got10k, lasot, mot, otb, uav123, vot
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.errors import DatasetError
 from ssiam.datasets.files import subfolders
@@ -38,6 +38,7 @@ class Layout:
 
 # In the order in which a folder is tried: the more special before the more general.
 LAYOUTS: dict[str, Layout] = {
+    "mot": Layout(mot.sequences_in, mot.EXPECTS),
     "uav123": Layout(uav123.sequences_in, uav123.EXPECTS, uav123.SPLITS),
     "dtb70": Layout(dtb70.sequences_in, dtb70.EXPECTS),
     "otb": Layout(otb.sequences_in, otb.EXPECTS, otb.SPLITS),

@@ -16,8 +16,8 @@ _JSON = "pysot"
 KINDS = (*LAYOUTS, _JSON, _MIXED)
 
 _EXPECTS_ANY = (
-    "a folder of sequences as VOT, OTB, UAV123, DTB70, GOT-10k or LaSOT publish them, a .json of "
-    "pysot, or images or videos with a .txt of boxes"
+    "a folder of sequences as VOT, OTB, UAV123, DTB70, GOT-10k, LaSOT or MOTChallenge publish "
+    "them, a .json of pysot, or images or videos with a .txt of boxes"
 )
 # Entries of a folder that a message lists.
 _SHOWN = 4

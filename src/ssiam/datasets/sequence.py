@@ -38,6 +38,9 @@ class Sequence:
         Width and height of the frames, pixels, where the dataset tells it.
     count : int, optional
         Number of frames of a video file; None: as many as there are rows in `truth`.
+    others : mapping of str to (N, 4) float64
+        Boxes of other objects in the same frames, by the names of their sequences: x, y, w, h,
+        nan where an object is not visible. Empty where the dataset tells one object a clip.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Sequence:
     first: int = 0
     size_wh: tuple[int, int] | None = None
     count: int | None = None
+    others: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         if isinstance(self.frames, tuple):
@@ -87,6 +91,11 @@ class Sequence:
             x, y, w, h = row.tolist()
             return x, y, w, h
         return area_preserving_xywh(row.reshape(4, 2))
+
+    def other_boxes(self, index: int) -> NDArray[np.float64]:
+        """Boxes (K, 4) of the other objects that are visible in a frame: x, y, w, h."""
+        rows = (boxes[index] for boxes in self.others.values())
+        return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 4)
 
 
 def read_image(path: Path) -> Image:

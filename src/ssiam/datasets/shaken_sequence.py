@@ -85,6 +85,7 @@ def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
         first=sequence.first,
         size_wh=camera.size_wh,
         count=sequence.count,
+        others=_seen_others(sequence, camera) if shake.strength else sequence.others,
         raw=replace(sequence, size_wh=size_wh),
         shake=shake,
         camera=camera,
@@ -106,6 +107,10 @@ def _first_size(sequence: Sequence) -> tuple[int, int]:
     for image in sequence.images():
         return image.shape[1], image.shape[0]
     raise SourceError(f"sequence {sequence.name}: has no frames")
+
+
+def _seen_others(sequence: Sequence, camera: ShakingCamera) -> dict[str, NDArray[np.float64]]:
+    return {name: _seen(boxes, camera) for name, boxes in sequence.others.items()}
 
 
 def _seen(truth: NDArray[np.float64], camera: ShakingCamera) -> NDArray[np.float64]:

@@ -14,10 +14,12 @@ from ssiam.training.coco import read_coco
 from ssiam.training.davis import read_davis
 from ssiam.training.folders import by_stem, files_below
 from ssiam.training.masks import read_masks
+from ssiam.training.mot import read_mot
 from ssiam.training.regions import RegionSource
 from ssiam.training.sequences import SequenceSource
 from ssiam.training.sources import Names, Source, TrackList, TrainingTrack
 from ssiam.training.stamps import StampSource
+from ssiam.training.track_folders import TrackFolders
 from ssiam.training.voc import read_voc, read_voc_video
 from ssiam.training.yolo import read_yolo
 from ssiam.training.youtube_vos import read_youtube_vos
@@ -26,12 +28,14 @@ _READERS: Final[dict[str, Callable[[Path, Names], list[TrainingTrack]]]] = {
     "coco": read_coco,
     "davis": read_davis,
     "masks": read_masks,
+    "mot": read_mot,
     "voc": read_voc,
     "voc_video": read_voc_video,
     "yolo": read_yolo,
     "youtube_vos": read_youtube_vos,
 }
-LAYOUTS: Final = (*_READERS, "regions", "stamps", *KINDS)
+_LONGEST_GAP: Final = 1000  # frames
+LAYOUTS: Final = tuple(dict.fromkeys((*_READERS, "regions", "stamps", "tracks", *KINDS)))
 
 
 @dataclass(frozen=True)
@@ -41,9 +45,10 @@ class SourceSettings:
     Attributes
     ----------
     layout : str
-        One of `LAYOUTS`: "coco", "davis", "masks", "voc", "voc_video" (pictures that follow each
-        other), "yolo", "youtube_vos"; "regions" (any pictures), "stamps" (PNGs with alpha); or a
-        kind of `ssiam.datasets.open_dataset`: "got10k", "lasot", "clip", ...
+        One of `LAYOUTS`: "coco", "davis", "masks", "mot", "voc", "voc_video" (pictures that follow
+        each other), "yolo", "youtube_vos"; "regions" (any pictures), "stamps" (PNGs with alpha),
+        "tracks" (GOT-10k's folders with a meta.json of the video they were cut out of); or a kind
+        of `ssiam.datasets.open_dataset`: "got10k", "lasot", "clip", ...
     path : str
         Its folder; of "coco" the JSON file.
     weight : float
@@ -53,7 +58,8 @@ class SourceSettings:
     split : str, optional
         Of the kinds of `open_dataset` that have some.
     only, without : tuple of str
-        Patterns of names of videos or pictures that are taken, or left out.
+        Patterns of names of videos or pictures that are taken, or left out; of "tracks" those of
+        the videos, "SET/VIDEO".
     backgrounds : tuple of str
         Of "stamps": folders of pictures to paste them on.
     alike : bool
@@ -63,6 +69,9 @@ class SourceSettings:
         Of "stamps": share 0..1 of the scenes in which others of about its size go beside it.
     tumbling : float
         Of "stamps": share 0..1 of the scenes in which the target shows at any angle.
+    interpolate : int
+        Of "tracks": frames between two annotations of another object, at most, across which its
+        box is interpolated.
     """
 
     layout: str
@@ -76,6 +85,7 @@ class SourceSettings:
     alike: bool = False
     rivals: float = 0.0
     tumbling: float = 0.0
+    interpolate: int = 0
 
     def __post_init__(self) -> None:
         check_choice("layout of training data", self.layout, LAYOUTS)
@@ -89,6 +99,11 @@ class SourceSettings:
                     f"{share} {getattr(self, share)} of {self.path}: "
                     "give a share from 0 to 1, and to stamps only"
                 )
+        if not 0 <= self.interpolate <= (_LONGEST_GAP if self.layout == "tracks" else 0):
+            raise ArgumentError(
+                f"interpolate {self.interpolate} of {self.path}: "
+                f"give 0 to {_LONGEST_GAP} frames, and to tracks only"
+            )
 
 
 def open_training_source(settings: SourceSettings, root: Path | None = None) -> Source:
@@ -125,6 +140,8 @@ def _opened(settings: SourceSettings, root: Path) -> Source:
         grounds = tuple(file for part in settings.backgrounds for file in _named(root / part))
         shares = settings.rivals, settings.tumbling
         return StampSource(name, stamps, grounds, weight, settings.alike, *shares)
+    if settings.layout == "tracks":
+        return TrackFolders(name, path, names, weight, settings.alike, settings.interpolate)
     dataset = open_dataset(path, settings.layout, split=settings.split)
     return SequenceSource(name, dataset, names, weight, settings.alike)
 
