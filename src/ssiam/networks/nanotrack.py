@@ -18,7 +18,6 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 __all__ = [
-    "FINE_CHANNELS",
     "WIDTH",
     "NanoBackbone",
     "NanoHead",

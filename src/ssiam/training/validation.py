@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from functools import partial
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 
 from ssiam.datasets import Sequence, open_dataset
-from ssiam.evaluation.success import mean_success, success
+from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
@@ -28,8 +28,8 @@ def validate(network: LiteNetwork | Lite2Network, settings: ValidationSettings) 
     """Success and precision of one pass over the held-out sequences, means of each dataset.
 
     Every sequence is started on its first box and tracked for as many frames as the settings
-    say, without stabilization. The values of the first dataset are called success and precision;
-    those of the others have the dataset's name before that.
+    say, without stabilization. The values of datasets without a name are called success and
+    precision; those of the others, which may share one, have the name before that.
 
     Raises
     ------
@@ -37,16 +37,17 @@ def validate(network: LiteNetwork | Lite2Network, settings: ValidationSettings) 
         A dataset is missing or damaged.
     """
     tracker = _tracker(network)
-    values: dict[str, float] = {}
-    for number, each in enumerate(settings.held_out):
-        found = []
+    found: dict[str, list[Success]] = defaultdict(list)
+    for each in settings.held_out:
         for sequence in held_out_sequences((each,)):
             count = min(len(sequence), settings.frames, len(sequence.truth))
             truth = np.array([sequence.box(t) for t in range(count)])
-            found.append(success(_tracked(tracker, sequence, count), truth))
-        mean = mean_success(found)
-        prefix = f"{each.name or Path(each.path).name} " if number else ""
-        values |= {f"{prefix}success": mean.auc, f"{prefix}precision": mean.precision}
+            found[each.name].append(success(_tracked(tracker, sequence, count), truth))
+    values = {}
+    for name, of_name in found.items():
+        mean = mean_success(of_name)
+        values[f"{name} success".lstrip()] = mean.auc
+        values[f"{name} precision".lstrip()] = mean.precision
     return values
 
 

@@ -22,7 +22,7 @@ class HeldOut:
     only : tuple of str
         Patterns of sequences that are taken; empty: all.
     name : str
-        In the metrics, of all datasets but the first; empty: the name of the folder.
+        In the metrics; datasets that share it are measured together.
     """
 
     path: str
