@@ -34,6 +34,7 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
     from ssiam.training.finished import write_so_far
     from ssiam.training.loading import load_batches
     from ssiam.training.loop import train as run
+    from ssiam.training.mask_crops import MaskSampler
     from ssiam.training.opening import open_training_source
     from ssiam.training.pairs import PairSampler
     from ssiam.training.tutors import TaughtSampler
@@ -45,9 +46,13 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     sources = [open_training_source(each) for each in settings.sources]
-    pairs = PairSampler(sources, settings.pairs, settings.seed)
-    teacher = settings.teacher if settings.network.kind == "lite2" else None
-    sampler = pairs if teacher is None else TaughtSampler(pairs, teacher)
+    sampler: PairSampler | TaughtSampler | MaskSampler
+    if settings.network.kind == "mask":
+        sampler = MaskSampler(sources, settings.pairs, settings.seed)
+    else:
+        sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
+        if settings.network.kind == "lite2" and settings.teacher is not None:
+            sampler = TaughtSampler(pairs, settings.teacher)
     batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
     run(settings, batches, folder, _show)
 

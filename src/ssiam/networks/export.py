@@ -10,13 +10,14 @@ from pathlib import Path
 import torch
 
 from ssiam.errors import MissingExtraError
+from ssiam.networks.box_mask import BoxMaskNetwork
 from ssiam.networks.graphs import InferenceGraph, LowerGraph
 
 __all__ = ["write_onnx"]
 
 
 def write_onnx(
-    graph: InferenceGraph | LowerGraph,
+    graph: InferenceGraph | LowerGraph | BoxMaskNetwork,
     input_shapes: Sequence[tuple[int, ...]],
     path: Path,
     *,
@@ -26,7 +27,7 @@ def write_onnx(
 
     Parameters
     ----------
-    graph : InferenceGraph or LowerGraph
+    graph : InferenceGraph, LowerGraph or BoxMaskNetwork
         Its correlations sliced, so that every runtime takes the file.
     input_shapes : sequence of tuple of int
     path : Path

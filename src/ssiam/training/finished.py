@@ -7,11 +7,13 @@ from typing import Final
 
 from ssiam.errors import ArgumentError, SinkError
 from ssiam.networks import inference_graphs, write_onnx
+from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.runtime.exported import OPSET, Exported
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import read_state, write_file
+from ssiam.training.ema import AnyNetwork
 from ssiam.training.network_settings import WEIGHTS, NetworkSettings
 from ssiam.training.settings import TrainSettings
 
@@ -21,10 +23,11 @@ NETWORK: Final = "lite"  # in the record beside the pieces
 NETWORK2: Final = "lite2"
 _KERNEL: Final = (1, 64, 96)
 _CORE: Final = (1, 96, 4, 4)
+_MASK_CROP: Final = (1, 3, BOX_MASK_CROP, BOX_MASK_CROP)
 
 
-def write_network(network: LiteNetwork | Lite2Network, folder: Path) -> None:
-    """Write weights.pth, template.onnx, search.onnx and the record of them.
+def write_network(network: AnyNetwork, folder: Path) -> None:
+    """Write weights.pth, the pieces as ONNX (template and search, or mask) and the record of them.
 
     Raises
     ------
@@ -34,6 +37,10 @@ def write_network(network: LiteNetwork | Lite2Network, folder: Path) -> None:
         The folder cannot be written.
     """
     write_file(folder / WEIGHTS, network.state_dict())
+    if isinstance(network, BoxMaskNetwork):
+        write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
+        Exported("mask", "box_mask", sha256(folder / WEIGHTS), ("mask",)).write(folder)
+        return
     graphs = inference_graphs(network)
     name = NETWORK
     kernels: list[tuple[int, ...]] = [_KERNEL]
@@ -76,8 +83,10 @@ def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
     return int(state["step"])
 
 
-def built(settings: NetworkSettings) -> LiteNetwork | Lite2Network:
+def built(settings: NetworkSettings) -> AnyNetwork:
     """The network of the settings, with random weights."""
+    if settings.kind == "mask":
+        return BoxMaskNetwork()
     if settings.kind == "lite2":
         return Lite2Network(settings.attention)
     return LiteNetwork(settings.blocks, light=settings.light)

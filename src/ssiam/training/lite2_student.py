@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from ssiam.networks.lite2 import Lite2Network, Lite2Responses
 from ssiam.networks.starting_weights import load_lite2
 from ssiam.training.batches import Batch
-from ssiam.training.network_settings import NetworkSettings
-from ssiam.training.settings import OptimiserSettings
+from ssiam.training.lite2_losses import lite2_losses
+from ssiam.training.settings import OptimiserSettings, TrainSettings
 
 __all__ = ["Lite2Student"]
 
@@ -24,8 +24,8 @@ class Lite2Student(nn.Module):
 
     Parameters
     ----------
-    settings : NetworkSettings
-        With weights to begin with.
+    settings : TrainSettings
+        Those of the network name weights to begin with.
 
     Raises
     ------
@@ -33,20 +33,21 @@ class Lite2Student(nn.Module):
         These are missing, damaged or of another network.
     """
 
-    def __init__(self, settings: NetworkSettings) -> None:
+    def __init__(self, settings: TrainSettings) -> None:
         super().__init__()
-        self.network = Lite2Network(settings.attention)
-        assert settings.begin_path is not None, "the settings ask for it"
-        load_lite2(self.network, settings.begin_path)
+        own = settings.network
+        self.network = Lite2Network(own.attention)
+        assert own.begin_path is not None, "the settings ask for it"
+        load_lite2(self.network, own.begin_path)
         self.network.eval().requires_grad_(False)
-        self._frozen_steps = settings.frozen_steps
+        self._settings = settings
 
     def prepare(self, step: int) -> None:
         """Free what learns in a step; to be called before every step."""
         self.network.requires_grad_(True)
         self.network.backbone.requires_grad_(False)
         for parameter in self.network.backbone.upper_weights():
-            parameter.requires_grad_(step >= self._frozen_steps)
+            parameter.requires_grad_(step >= self._settings.network.frozen_steps)
 
     def parts(self, settings: OptimiserSettings) -> list[tuple[list[nn.Parameter], float]]:
         """All parameters that ever learn, in parts with their factor of the learning rate."""
@@ -57,6 +58,10 @@ class Lite2Student(nn.Module):
             (list(network.head.parameters()), settings.head),
             (new, 1.0),
         ]
+
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        """The losses of a batch, by name."""
+        return lite2_losses(self(batch), batch, self._settings)
 
     def forward(self, batch: Batch) -> Lite2Responses:
         """Responses of the batch's search crops to its templates and recent templates."""

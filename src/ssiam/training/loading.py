@@ -13,10 +13,12 @@ import cv2
 
 from ssiam.errors import SsiamError
 from ssiam.training.batches import Batch
+from ssiam.training.mask_crops import MaskBatch, MaskSampler
 from ssiam.training.pairs import PairSampler
 from ssiam.training.tutors import TaughtSampler
 
-Sampler: TypeAlias = PairSampler | TaughtSampler
+AnyBatch: TypeAlias = Batch | MaskBatch
+Sampler: TypeAlias = PairSampler | TaughtSampler | MaskSampler
 
 # Batches that every worker has drawn or is drawing before the first of them is asked for.
 _AHEAD = 2
@@ -24,12 +26,12 @@ _AHEAD = 2
 _of_worker: Sampler | None = None
 
 
-def load_batches(sampler: Sampler, steps: range, size: int, workers: int = 0) -> Iterator[Batch]:
+def load_batches(sampler: Sampler, steps: range, size: int, workers: int = 0) -> Iterator[AnyBatch]:
     """The batch of every step, in order; the same whatever the number of workers.
 
     Parameters
     ----------
-    sampler : PairSampler or TaughtSampler
+    sampler : PairSampler, TaughtSampler or MaskSampler
     steps : range
     size : int
         Pairs of a batch.
@@ -60,8 +62,8 @@ def load_batches(sampler: Sampler, steps: range, size: int, workers: int = 0) ->
         pool.shutdown(cancel_futures=True)
 
 
-def _in_order(pool: ProcessPoolExecutor, steps: range, size: int, ahead: int) -> Iterator[Batch]:
-    coming: deque[Future[Batch]] = deque()
+def _in_order(pool: ProcessPoolExecutor, steps: range, size: int, ahead: int) -> Iterator[AnyBatch]:
+    coming: deque[Future[AnyBatch]] = deque()
     for step in steps:
         coming.append(pool.submit(_draw, step, size))
         if len(coming) > ahead:
@@ -76,6 +78,6 @@ def _start(sampler: Sampler) -> None:
     _of_worker = sampler
 
 
-def _draw(step: int, size: int) -> Batch:
+def _draw(step: int, size: int) -> AnyBatch:
     assert _of_worker is not None
     return _of_worker.batch(step, size)

@@ -13,6 +13,7 @@ from ssiam.errors import SinkError
 from ssiam.training.batches import Batch
 from ssiam.training.checkpoints import read_state, write_state
 from ssiam.training.finished import write_network
+from ssiam.training.mask_crops import MaskBatch
 from ssiam.training.memory import keep_freed_memory
 from ssiam.training.metrics import Metrics
 from ssiam.training.settings import TrainSettings
@@ -21,7 +22,7 @@ from ssiam.training.validation import validate
 
 __all__ = ["Batches", "Report", "train"]
 
-Batches: TypeAlias = Callable[[range], Iterator[Batch]]
+Batches: TypeAlias = Callable[[range], Iterator[Batch | MaskBatch]]
 Report: TypeAlias = Callable[[int, dict[str, float]], None]
 
 
@@ -83,7 +84,7 @@ class _Run:
         self._told = trainer.step
         self._sums: dict[str, Tensor] = {}
 
-    def step(self, batch: Batch) -> None:
+    def step(self, batch: Batch | MaskBatch) -> None:
         """Learn from a batch."""
         for name, loss in self._trainer.learn(batch).items():
             self._sums[name] = self._sums[name] + loss if name in self._sums else loss

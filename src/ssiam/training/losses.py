@@ -16,6 +16,7 @@ __all__ = [
     "Truth",
     "box_loss",
     "cross_entropy",
+    "mask_losses",
     "mean",
     "overlaps",
     "pair_losses",
@@ -103,11 +104,23 @@ def _mask_loss(logits: Tensor, truth: Truth) -> Tensor:
     Dice as of V-Net (Milletari et al., 3DV 2016), which is 1 for shares that are met as well.
     """
     weight = truth.weight * truth.masked
-    entropy = cross_entropy(logits, truth.mask).mean(dim=(1, 2))
-    inside, both = logits.sigmoid(), (1, 2)
-    shared = 2 * (inside * truth.mask).sum(dim=both) + 1
-    dice = 1 - shared / (inside.square().sum(dim=both) + truth.mask.square().sum(dim=both) + 1)
+    entropy, dice = _mask_terms(logits, truth.mask)
     return mean(entropy, weight) + mean(dice, weight * truth.present)
+
+
+def mask_losses(logits: Tensor, mask: Tensor) -> dict[str, Tensor]:
+    """Cross-entropy and 1 - Dice of mask logits (N, n, n) against covered shares 0..1."""
+    entropy, dice = _mask_terms(logits, mask)
+    return {"mask": entropy.mean(), "dice": dice.mean()}
+
+
+def _mask_terms(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean cross-entropy and 1 - Dice (N,) of each mask."""
+    entropy = cross_entropy(logits, mask).mean(dim=(1, 2))
+    inside, both = logits.sigmoid(), (1, 2)
+    shared = 2 * (inside * mask).sum(dim=both) + 1
+    dice = 1 - shared / (inside.square().sum(dim=both) + mask.square().sum(dim=both) + 1)
+    return entropy, dice
 
 
 def cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:

@@ -24,9 +24,10 @@ class NetworkSettings:
 
     Attributes
     ----------
-    kind : {"lite", "lite2"}
-        The network of `ssiam.networks.lite`, or that of `ssiam.networks.lite2`. Of the numbers
-        below, "lite2" uses `attention`, `begin` and `frozen_steps` alone.
+    kind : {"lite", "lite2", "mask"}
+        The network of `ssiam.networks.lite`, `ssiam.networks.lite2` or `ssiam.networks.box_mask`.
+        Of the numbers below, "lite2" uses `attention`, `begin` and `frozen_steps` alone, "mask"
+        `weights` and `begin`.
     attention : int
         Attention blocks of "lite2"; 0: correlation alone.
     blocks : int
@@ -52,7 +53,7 @@ class NetworkSettings:
         and runs in OpenVINO.
     """
 
-    kind: Literal["lite", "lite2"] = "lite"
+    kind: Literal["lite", "lite2", "mask"] = "lite"
     attention: int = ATTENTION_BLOCKS
     blocks: int = BLOCKS
     light: bool = True

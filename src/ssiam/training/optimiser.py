@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from torch import nn
 from torch.optim import AdamW
 
 from ssiam.training.lite2_student import Lite2Student
+from ssiam.training.mask_student import MaskStudent
 from ssiam.training.schedule import rate
 from ssiam.training.settings import OptimiserSettings, TrainSettings
 from ssiam.training.student import Student
 
 __all__ = ["build_optimiser", "set_rate"]
 
+AnyStudent: TypeAlias = Student | Lite2Student | MaskStudent
 
-def build_optimiser(student: Student | Lite2Student, settings: TrainSettings) -> AdamW:
+
+def build_optimiser(student: AnyStudent, settings: TrainSettings) -> AdamW:
     """AdamW on all that will ever learn, in groups that know their `factor` of the rate.
 
     A light stem has none: ImageNet has not taught it.
     """
     own = settings.optimiser
-    if isinstance(student, Lite2Student):
+    if not isinstance(student, Student):
         return _optimiser(student.parts(own), own)
     first_trained = settings.network.frozen_levels(settings.network.frozen_steps)
     backbone = student.backbone_weights(first_trained)

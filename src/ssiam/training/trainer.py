@@ -14,9 +14,10 @@ from ssiam.errors import WeightsError
 from ssiam.runtime.openvino import computes_in_bf16
 from ssiam.training.batches import Batch
 from ssiam.training.ema import Average
-from ssiam.training.lite2_losses import lite2_losses
 from ssiam.training.lite2_student import Lite2Student
 from ssiam.training.losses import Truth, pair_losses
+from ssiam.training.mask_crops import MaskBatch
+from ssiam.training.mask_student import MaskStudent
 from ssiam.training.optimiser import build_optimiser, set_rate
 from ssiam.training.settings import TeacherSettings, TrainSettings
 from ssiam.training.student import Student
@@ -48,9 +49,11 @@ class Trainer:
         self._bf16 = settings.network.kind == "lite" and _quick_in_bf16()
         teacher = settings.teacher
         self._teacher = None
-        self._student: Student | Lite2Student
+        self._student: Student | Lite2Student | MaskStudent
         if settings.network.kind == "lite2":
-            self._student = Lite2Student(settings.network)
+            self._student = Lite2Student(settings)
+        elif settings.network.kind == "mask":
+            self._student = MaskStudent(settings.network)
         else:
             self._teacher = None if teacher is None else _teacher(teacher, settings.threads)
             self._student = Student(
@@ -65,7 +68,7 @@ class Trainer:
         self._optimiser = build_optimiser(self._student, settings)
         self.step = 0
 
-    def learn(self, batch: Batch) -> dict[str, Tensor]:
+    def learn(self, batch: Batch | MaskBatch) -> dict[str, Tensor]:
         """Take the next step on a batch; the losses by name, without gradients."""
         self._student.prepare(self.step)
         set_rate(self._optimiser, self.step, self._settings)
@@ -102,9 +105,13 @@ class Trainer:
                 "the checkpoint is not of this network: train from the start in another folder"
             ) from error
 
-    def _losses(self, batch: Batch) -> dict[str, Tensor]:
+    def _losses(self, batch: Batch | MaskBatch) -> dict[str, Tensor]:
+        if isinstance(batch, MaskBatch):
+            assert isinstance(self._student, MaskStudent), "batches are of the network's kind"
+            return self._student.losses(batch)
         if isinstance(self._student, Lite2Student):
-            return lite2_losses(self._student(batch), batch, self._settings)
+            return self._student.losses(batch)
+        assert isinstance(self._student, Student), "batches are of the network's kind"
         if self.step < self._settings.network.stem_alone:
             with self._arithmetic():
                 return {"stem": self._student.stem_loss(batch.search)}
