@@ -59,7 +59,8 @@ def test_targets_without_a_mask_are_not_turned():
 
 def test_shapes_types_and_zooms():
     batch = sampler(TrackList("a", [Track()]), negatives=0).batch(3, 5)
-    shapes = {name: (value.shape, value.dtype.name) for name, value in vars(batch).items()}
+    values = {name: value for name, value in vars(batch).items() if value is not None}
+    shapes = {name: (value.shape, value.dtype.name) for name, value in values.items()}
     assert shapes == {
         "template": ((5, 3, 127, 127), "uint8"),
         "search": ((5, 3, 255, 255), "uint8"),
@@ -68,6 +69,8 @@ def test_shapes_types_and_zooms():
         "mask": ((5, 64, 64), "uint8"),
         "masked": ((5,), "bool"),
         "weight": ((5,), "float32"),
+        "recent": ((5, 3, 127, 127), "uint8"),
+        "template_wh": ((5, 2), "float32"),
     }
     for template in batch.template:
         rows, columns = np.nonzero(template[0] > 135)
@@ -134,3 +137,57 @@ def test_augmentations_leave_the_target_where_it_is():
             bright[bright < 40] = 0
             centre = (columns * bright).sum() / bright.sum(), (rows * bright).sum() / bright.sum()
             np.testing.assert_allclose(centre, box[:2], atol=2.5)
+
+
+def test_recent_templates_show_the_target_less_exactly():
+    made = sampler(TrackList("a", [Track(at=(130, 110, 40, 40))]), negatives=0, recent=1)
+    batch = made.batch(0, 60)
+    off = np.array([np.argwhere(each[0] > 135).mean(axis=0) - 63 for each in batch.recent])
+    assert np.abs(off).max() < 10
+    exact = np.array([np.argwhere(each[0] > 135).mean(axis=0) - 63 for each in batch.template])
+    assert off.std() > 1.5 * exact.std()
+
+
+def test_without_recent_templates_the_first_one_counts():
+    batch = sampler(TrackList("a", [Track()]), negatives=0).batch(0, 3)
+    np.testing.assert_array_equal(batch.recent, batch.template)
+
+
+def test_mistaken_recent_templates_show_a_distractor():
+    pair = [
+        Track("duo", 0, at=(10, 10, 20, 20), others=((1, (280, 200, 20, 20)),)),
+        Track("duo", 1, at=(280, 200, 20, 20), others=((0, (10, 10, 20, 20)),)),
+    ]
+    batch = sampler(TrackList("a", pair), negatives=0, recent=1, mistaken=1).batch(0, 10)
+    middle = slice(54, 73)
+    for template, recent in zip(batch.template, batch.recent, strict=True):
+        own = int(np.argmax(template[:, middle, middle].mean(axis=(1, 2))))
+        assert recent[own, middle, middle].mean() < 60
+        assert recent[1 - own, middle, middle].mean() > 135
+
+
+def test_windows_are_shifted_towards_distractors():
+    pair = [
+        Track("duo", 0, at=(100, 100, 20, 20), others=((1, (130, 100, 20, 20)),)),
+        Track("duo", 1, at=(130, 100, 20, 20), others=((0, (100, 100, 20, 20)),)),
+    ]
+    source = TrackList("a", pair)
+    still = WindowSettings(shift=0, far=0, scale=0, stretch=0, angle=0)
+    batch = sampler(source, negatives=0, towards=1, windows=still).batch(0, 40)
+    for template, box in zip(batch.template, batch.box, strict=True):
+        is_left = template[0, 63, 63] > 135
+        assert (box[0] < -10) == is_left
+        assert abs(box[0]) <= 100
+        assert box[1] == pytest.approx(0, abs=1e-3)
+
+
+def test_small_targets_are_coarse():
+    augment = AugmentSettings(grey=0, flip=0, colour=0, blur=0, shake=0, jpeg=0, cover=0, small=1)
+    source = TrackList("a", [Track(at=(140, 100, 60, 60))])
+    coarse = sampler(source, negatives=0, augment=augment).batch(0, 10)
+    fine = sampler(source, negatives=0).batch(0, 10)
+
+    def steepest(batch):
+        return np.abs(np.diff(batch.search[:, 0].astype(int), axis=2)).max()
+
+    assert steepest(coarse) < 0.75 * steepest(fine)

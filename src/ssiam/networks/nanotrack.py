@@ -105,8 +105,8 @@ def folded(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
         if not name.endswith(".running_mean"):
             continue
         norm = name.removesuffix(".running_mean")
-        before, _, number = norm.rpartition(".")
-        convolution = f"{before}.{int(number) - 1}"
+        before, dot, number = norm.rpartition(".")
+        convolution = f"{before}{dot}{int(number) - 1}"
         scale, shift, mean, variance = (
             found.pop(f"{norm}.{part}")
             for part in ("weight", "bias", "running_mean", "running_var")

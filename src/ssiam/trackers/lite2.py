@@ -94,6 +94,11 @@ class Lite2Networks:
         pieces = load_pieces(weights, "lite2", running)
         return cls(pieces["template"], pieces["search"])
 
+    def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
+        """Responses of a search crop; a network without attention takes no context."""
+        inputs = crop, *kernels, recent
+        return self.search(*inputs[: len(self.search.input_shapes) or None])
+
 
 class Lite2Tracker:
     """The loop on any frame view.
@@ -138,8 +143,8 @@ class Lite2Tracker:
         side = round(SEARCH / EXEMPLAR * last.context_side)
         zoom = SEARCH / side
         crop = view.crop(last.centre_xy, side, SEARCH, self._fill)
-        scores, qualities, distances = self._networks.search(
-            crop_tensor(crop), *self._kernels, self._recent
+        scores, qualities, distances = self._networks.responses(
+            crop_tensor(crop), self._kernels, self._recent
         )
         score = _sigmoid(scores) * _sigmoid(qualities)
         boxes = self._boxes(distances)
