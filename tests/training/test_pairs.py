@@ -69,7 +69,6 @@ def test_shapes_types_and_zooms():
         "mask": ((5, 64, 64), "uint8"),
         "masked": ((5,), "bool"),
         "weight": ((5,), "float32"),
-        "recent": ((5, 3, 127, 127), "uint8"),
         "template_wh": ((5, 2), "float32"),
     }
     for template in batch.template:
@@ -148,9 +147,10 @@ def test_recent_templates_show_the_target_less_exactly():
     assert off.std() > 1.5 * exact.std()
 
 
-def test_without_recent_templates_the_first_one_counts():
-    batch = sampler(TrackList("a", [Track()]), negatives=0).batch(0, 3)
-    np.testing.assert_array_equal(batch.recent, batch.template)
+def test_half_of_the_batches_have_recent_templates():
+    made = sampler(TrackList("a", [Track()]), negatives=0, recent=0.5)
+    without = [made.batch(step, 2).recent is None for step in range(40)]
+    assert 10 < sum(without) < 30
 
 
 def test_mistaken_recent_templates_show_a_distractor():

@@ -117,10 +117,16 @@ def batch_of(pairs: Sequence[Pair]) -> Batch:
         mask=np.stack([empty if pair.mask is None else pair.mask for pair in pairs]),
         masked=np.array([pair.mask is not None for pair in pairs]),
         weight=np.ones(len(pairs), dtype=np.float32),
-        recent=_planes([pair.template if pair.recent is None else pair.recent for pair in pairs]),
+        recent=_recent(pairs),
         template_wh=np.array([pair.template_wh for pair in pairs], dtype=np.float32),
     )
 
 
 def _planes(images: Sequence[Image]) -> Bytes:
     return np.ascontiguousarray(np.stack(images).transpose(0, 3, 1, 2))
+
+
+def _recent(pairs: Sequence[Pair]) -> Bytes | None:
+    if all(pair.recent is None for pair in pairs):
+        return None
+    return _planes([pair.template if pair.recent is None else pair.recent for pair in pairs])

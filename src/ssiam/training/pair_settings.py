@@ -23,10 +23,10 @@ class PairSettings:
         Shares 0..1 of them that show another object of the same picture, where there is one, and
         another part of the same picture. The others show another track's target.
     recent : float
-        Share 0..1 of pairs that show the target a second time, as a tracker has seen it lately;
-        the recent template of the others is the template.
+        Share 0..1 of batches whose pairs show the target a second time, as a tracker has seen it
+        lately; in the others the template counts as recent, which saves its time.
     mistaken : float
-        Share 0..1 of those whose recent template shows a distractor instead.
+        Share 0..1 of the pairs of those whose recent template shows a distractor instead.
     towards : float
         Share 0..1 of search crops that are shifted towards a distractor of the same picture.
     surroundings : float

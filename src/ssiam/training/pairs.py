@@ -72,12 +72,14 @@ class PairSampler:
     def pair(self, step: int, place: int) -> Pair:
         """One pair of a step; raises as `batch`."""
         rng = np.random.default_rng([self._seed, step, place])
+        of_step = np.random.default_rng([self._seed, step])
+        recent = bool(of_step.random() < self._settings.recent)
         last = ""
         for _ in range(_TRIES):
             try:
                 shot = self._views.first(rng)
                 if shot is not None:
-                    return self._pair(shot, rng)
+                    return self._pair(shot, rng, recent)
             except SsiamError as error:
                 last = str(error)
                 self._tell(last)
@@ -88,14 +90,14 @@ class PairSampler:
             self._told.add(message)
             _log.warning("%s; left out", message)
 
-    def _pair(self, shot: Shot, rng: np.random.Generator) -> Pair:
+    def _pair(self, shot: Shot, rng: np.random.Generator, with_recent: bool) -> Pair:
         augment = self._settings.augment
         mirrored, grey = bool(rng.random() < augment.flip), rng.random() < augment.grey
         template = self._template(shot, mirrored, rng)
         view = self._views.view(shot, mirrored, rng)
         search, box, mask = self._search(view, rng)
         template, search = (changed(crop, augment, rng) for crop in (template, search))
-        recent = self._recent(view, mirrored, rng) if self._settings.recent else None
+        recent = self._recent(view, mirrored, rng) if with_recent else None
         if augment.small and rng.random() < augment.small:
             size = _target_side(shot)
             factor = size / min(size, rng.uniform(*_SMALL))
@@ -108,8 +110,8 @@ class PairSampler:
         return Pair(template, search, box, view.present, mask, recent, size_wh)
 
     def _recent(self, view: View, mirrored: bool, rng: np.random.Generator) -> Image | None:
-        """By chance, the target near the view's time, cut less exactly than the template."""
-        if view.target is None or rng.random() >= self._settings.recent:
+        """The target near the view's time, cut less exactly than the template."""
+        if view.target is None:
             return None
         windows = self._settings.windows
         loose = replace(
