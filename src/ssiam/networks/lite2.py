@@ -84,7 +84,7 @@ class Lite2Network(SiameseNetwork):
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
         """Kernels and context of a template crop (N, 3, 127, 127).
 
-        Returns those of `NanoKernels`, and the context (N, A, 2, 64, 96): keys and values of every
+        Returns those of `NanoKernels`, and the context (N, A, 2, 96, 64): keys and values of every
         cell in each of A attention blocks.
         """
         return self.kernels(self.backbone(crop)[1])
@@ -125,98 +125,89 @@ class _Relation(nn.Module):
 
     def template(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Features (N, 96, 8, 8) after self-attention, and their context."""
-        tokens, contexts = _tokens(features), []
+        contexts = []
         for block in cast(Iterable[_Block], self.blocks):
-            tokens, context = block.template(tokens, self.in_template)
+            features, context = block.template(features, self.in_template)
             contexts.append(context)
         if not contexts:
-            return features, features.new_zeros(len(features), 1, 2, _TEMPLATE**2, WIDTH)
-        return _maps(tokens, _TEMPLATE), torch.stack(contexts, dim=1)
+            return features, features.new_zeros(len(features), 1, 2, WIDTH, _TEMPLATE**2)
+        return features, torch.stack(contexts, dim=1)
 
     def forward(self, features: Tensor, context: Tensor, recent: Tensor) -> Tensor:
         """Features (N, 96, 16, 16) after attention to two templates and to themselves."""
-        tokens, place = _tokens(features), self.in_search
+        place = self.in_search
         for number, block in enumerate(self.blocks):
-            tokens = block(tokens, place, context[:, number], recent[:, number])
-        return _maps(tokens, _SEARCH) if self.blocks else features
+            features = block(features, place, context[:, number], recent[:, number])
+        return features
 
 
 class _Block(nn.Module):
-    """Attention and a feed-forward layer, each added to what came in; both begin with zeros."""
+    """Attention and a feed-forward layer, each added to what came in; both begin with zeros.
+
+    There is no layer normalization: the features have a fixed scale, and over channels it would
+    take as long as all the rest of the block.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self.before_attention = nn.LayerNorm(WIDTH)
-        self.query = nn.Linear(WIDTH, WIDTH)
-        self.key_value = nn.Linear(WIDTH, 2 * WIDTH)
-        self.recent_key = nn.Parameter(torch.zeros(WIDTH))
-        self.out = _silent(nn.Linear(WIDTH, WIDTH))
-        self.before_layers = nn.LayerNorm(WIDTH)
-        self.widen = nn.Linear(WIDTH, _WIDENED * WIDTH)
-        self.narrow = _silent(nn.Linear(_WIDENED * WIDTH, WIDTH))
+        self.query = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.key = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.value = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.recent_key = nn.Parameter(torch.zeros(WIDTH, 1))
+        self.out = _silent(nn.Conv2d(WIDTH, WIDTH, 1))
+        self.widen = nn.Conv2d(WIDTH, _WIDENED * WIDTH, 1)
+        self.narrow = _silent(nn.Conv2d(_WIDENED * WIDTH, WIDTH, 1))
 
-    def template(self, tokens: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
-        """Tokens (N, 64, 96) of a template after the block, and their keys and values."""
-        normed = self.before_attention(tokens)
-        key, value = self._key_value(normed, position)
-        tokens = self._attended(tokens, normed, position, key, value)
-        return tokens, torch.stack([key, value], dim=1)
+    def template(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (N, 96, 8, 8) of a template after the block, and their keys and values."""
+        key, value = self._key_value(features, position)
+        after = self._attended(features, position, key, value)
+        return after, torch.stack([key, value], dim=1)
 
-    def forward(self, tokens: Tensor, position: Tensor, first: Tensor, recent: Tensor) -> Tensor:
-        """Tokens (N, 256, 96) of a search region after the block.
+    def forward(self, features: Tensor, position: Tensor, first: Tensor, recent: Tensor) -> Tensor:
+        """Features (N, 96, 16, 16) of a search region after the block.
 
-        `first` and `recent` (N, 2, 64, 96) are keys and values of two templates.
+        `first` and `recent` (N, 2, 96, 64) are keys and values of two templates.
         """
-        normed = self.before_attention(tokens)
-        key, value = self._key_value(_pooled(normed), _pooled(position))
-        key = torch.cat([first[:, 0], recent[:, 0] + self.recent_key, key], dim=1)
-        value = torch.cat([first[:, 1], recent[:, 1], value], dim=1)
-        return self._attended(tokens, normed, position, key, value)
+        key, value = self._key_value(_pooled(features), _pooled(position))
+        key = torch.cat([first[:, 0], recent[:, 0] + self.recent_key, key], dim=2)
+        value = torch.cat([first[:, 1], recent[:, 1], value], dim=2)
+        return self._attended(features, position, key, value)
 
-    def _key_value(self, normed: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
-        key, value = self.key_value(normed).chunk(2, dim=-1)
-        return key + position, value
+    def _key_value(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """Keys and values (N, 96, n * n) of features (N, 96, n, n)."""
+        key: Tensor = self.key(features) + position
+        value: Tensor = self.value(features)
+        return key.flatten(2), value.flatten(2)
 
-    def _attended(
-        self, tokens: Tensor, normed: Tensor, position: Tensor, key: Tensor, value: Tensor
-    ) -> Tensor:
-        query = self.query(normed) + position
-        tokens = tokens + self.out(_attention(query, key, value))
-        layers = F.hardswish(self.widen(self.before_layers(tokens)))
-        added: Tensor = self.narrow(layers)
-        return tokens + added
+    def _attended(self, features: Tensor, position: Tensor, key: Tensor, value: Tensor) -> Tensor:
+        query = self.query(features) + position
+        features = features + self.out(_attention(query, key, value))
+        added: Tensor = self.narrow(F.hardswish(self.widen(features)))
+        return features + added
 
 
 def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
-    """Scaled dot-product attention (Vaswani et al., NIPS 2017) in `_HEADS` heads."""
-    query, key, value = (
-        each.reshape(*each.shape[:2], _HEADS, WIDTH // _HEADS).transpose(1, 2)
-        for each in (query, key, value)
-    )
-    weights = torch.softmax(query @ key.transpose(2, 3) * (WIDTH // _HEADS) ** -0.5, dim=-1)
-    return (weights @ value).transpose(1, 2).flatten(2)
+    """Scaled dot-product attention (Vaswani et al., NIPS 2017) in `_HEADS` heads.
+
+    Queries (N, 96, n, n); keys and values (N, 96, K).
+    """
+    each = WIDTH // _HEADS
+    queries = query.reshape(-1, _HEADS, each, query.shape[2] * query.shape[3])
+    keys, values = (part.reshape(-1, _HEADS, each, part.shape[2]) for part in (key, value))
+    weights = torch.softmax(queries.transpose(2, 3) @ keys * each**-0.5, dim=3)
+    return (values @ weights.transpose(2, 3)).reshape(query.shape)
 
 
-def _pooled(tokens: Tensor) -> Tensor:
-    """Tokens (N, 64, 96): means of 2 x 2 cells of a search region's (N, 256, 96)."""
-    side = _SEARCH // _POOLED
-    cells = tokens.reshape(-1, side, _POOLED, side, _POOLED, WIDTH)
-    return cells.mean(dim=(2, 4)).reshape(-1, side * side, WIDTH)
+def _pooled(features: Tensor) -> Tensor:
+    return F.avg_pool2d(features, _POOLED)
 
 
 def _position(side: int) -> nn.Parameter:
-    return nn.Parameter(torch.randn(1, side * side, WIDTH) * _POSITION)
+    return nn.Parameter(torch.randn(1, WIDTH, side, side) * _POSITION)
 
 
-def _silent(layer: nn.Linear) -> nn.Linear:
+def _silent(layer: nn.Conv2d) -> nn.Conv2d:
     nn.init.zeros_(layer.weight)
-    nn.init.zeros_(layer.bias)
+    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
     return layer
-
-
-def _tokens(maps: Tensor) -> Tensor:
-    return maps.flatten(2).transpose(1, 2)
-
-
-def _maps(tokens: Tensor, side: int) -> Tensor:
-    return tokens.transpose(1, 2).reshape(-1, WIDTH, side, side)

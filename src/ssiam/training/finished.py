@@ -10,6 +10,7 @@ from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
+from ssiam.networks.nanotrack import WIDTH
 from ssiam.runtime.exported import OPSET, Exported
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import read_state, write_file
@@ -45,7 +46,7 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
     name = NETWORK
     kernels: list[tuple[int, ...]] = [_KERNEL]
     if isinstance(network, Lite2Network):
-        context = (1, max(len(network.relation.blocks), 1), 2, *_KERNEL[1:])
+        context = (1, max(len(network.relation.blocks), 1), 2, WIDTH, _KERNEL[1])
         name, kernels = NETWORK2, [_KERNEL, _KERNEL, _CORE, _CORE, context, context]
         graphs["search"].input_names += ("recent",)
     shapes = {
