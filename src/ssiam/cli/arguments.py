@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +13,15 @@ from ssiam.errors import ArgumentError, check_choice
 def words(text: str) -> list[str]:
     """The words between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def tell_left_parts(parts: Iterable[Path]) -> None:
+    """Tell where parts of outputs lie that runs which did not end have left."""
+    for part in parts:
+        print(
+            f"ssiam: {part} is left of a run that was killed or is still going on; it is kept",
+            file=sys.stderr,
+        )
 
 
 def weights_by_tracker(pairs: Iterable[str]) -> dict[str, Path]:
