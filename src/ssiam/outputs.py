@@ -166,7 +166,9 @@ class Part:
         """Where the output is now: under its name, in its part, or nowhere if it was discarded."""
         if self._discarded:
             return None
-        return self.path if self._target is None else self.file
+        if self._target is None:
+            return self.path
+        return self.file if self.path.is_symlink() else self.path.with_name(self.file.name)
 
     def finish(self) -> None:
         """Give the part the name of the output. May be called twice.
@@ -200,7 +202,7 @@ class Part:
         """The error for a failure to write; tells where the part is, if there is anything in it."""
         with suppress(OSError):
             if self._target is not None and self.file.stat().st_size:
-                return output_error(self.path, error, self.file)
+                return output_error(self.path, error, self.place)
         return output_error(self.path, error)
 
 

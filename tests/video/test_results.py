@@ -157,7 +157,7 @@ def test_old_results_stay_until_the_new_ones_are_whole(tmp_path):
 
 def test_old_results_are_refused_where_they_are_not_to_be_replaced(tmp_path):
     (tmp_path / "r_2.txt").write_text("old\n")
-    with pytest.raises(SinkError, match="r_2.txt: exists already"):
+    with pytest.raises(SinkError, match=r"r_2\.txt: exists already"):
         open_results(tmp_path / "r.txt", targets=2, overwrite=False)
     assert [path.name for path in tmp_path.iterdir()] == ["r_2.txt"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -12,7 +13,7 @@ from cyclopts import Parameter
 from ssiam.cli.arguments import tell_left_parts, words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, write_exports
-from ssiam.outputs import check_apart, check_output, left_parts
+from ssiam.outputs import check_apart, check_output, is_stream, left_parts
 from ssiam.video import open_source
 from ssiam.video.source_files import check_apart_from_source
 
@@ -66,7 +67,8 @@ def export(
     write_exports(annotations, out, to, frames.name, overwrite=overwrite)
     print(
         f"{results}: {len(annotations.tracks())} targets in {annotations.frame_count} frames, "
-        f"written to {out}"
+        f"written to {out}",
+        file=sys.stderr if is_stream(out) else sys.stdout,  # the output may be standard output
     )
 
 
