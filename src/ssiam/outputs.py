@@ -43,7 +43,8 @@ def check_apart(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> No
         identity = _identity(path)
         if identity in known:
             what, given = known[identity]
-            raise ArgumentError(f"{option} {path} is the file of {what} {given}; give another")
+            kind = "folder" if given.is_dir() else "file"
+            raise ArgumentError(f"{option} {path} is the {kind} of {what} {given}; give another")
         if identity in written:
             other_option, other = written[identity]
             raise ArgumentError(

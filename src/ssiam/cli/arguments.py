@@ -8,11 +8,18 @@ from pathlib import Path
 
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
+from ssiam.outputs import check_apart
 
 
 def words(text: str) -> list[str]:
     """The words between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[Path] = ()) -> None:
+    """Refuse a folder of results that is a dataset or weights; `ArgumentError` names it."""
+    inputs = [("the dataset", path) for path in datasets]
+    check_apart([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
 
 
 def tell_left_parts(parts: Iterable[Path]) -> None:
