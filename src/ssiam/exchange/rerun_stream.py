@@ -93,6 +93,7 @@ class RerunStream:
         try:
             self._recording.save(str(self._part.file if self._copy is None else self._copy.entry))
         except RuntimeError as error:
+            self._part.discard()
             raise self._part.error(error) from error
         finally:
             if self._copy is not None:
