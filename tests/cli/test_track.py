@@ -78,6 +78,7 @@ def test_limits_are_options(clip, tmp_path):
     def steadied(*options):
         results = tmp_path / "r.csv"
         arguments = ["--tracker", "kcf", "--stabilize", "paper", "--results", str(results)]
+        arguments += ["--overwrite"]
         arguments += options
         assert main(["track", str(clip[0]), "--box", box_of(BOX), *arguments]) == 0
         return results.read_text()

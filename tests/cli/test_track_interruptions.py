@@ -47,9 +47,9 @@ def test_interrupted_runs_leave_whole_files(tmp_path, number, code):
     process = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    results = tmp_path / "long-tracked.csv"
+    results, part = tmp_path / "long-tracked.csv", tmp_path / "long-tracked.part.csv"
     deadline = time.monotonic() + 60
-    while not results.exists() or results.read_bytes().count(b"\n") < 15:
+    while not part.exists() or part.read_bytes().count(b"\n") < 15:
         assert time.monotonic() < deadline
         time.sleep(0.02)
     process.send_signal(number)
@@ -63,3 +63,4 @@ def test_interrupted_runs_leave_whole_files(tmp_path, number, code):
     assert 10 < len(rows) < 400
     assert None not in rows[-1].values()
     assert abs(len(decoded(tmp_path / "long-tracked.mp4")[0]) - len(rows)) <= 1
+    assert not list(tmp_path.glob("*.part*"))

@@ -148,6 +148,19 @@ def test_a_file_is_whole_after_an_exception(tmp_path, error):
     log.close()
 
 
+def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
+    path = tmp_path / "r.rrd"
+    path.write_text("older")
+    with pytest.raises(SinkError, match="exists already"):
+        RerunLog(path, overwrite=False)
+    with RerunLog(path) as log:
+        log.write(0, 0.0, IMAGE, [moving(0)], ["boat"])
+        assert path.read_text() == "older"
+        assert (tmp_path / "r.part.rrd").exists()
+    assert numbers(read(path)["/targets/1/score"]) == [0.0]
+    assert [each.name for each in tmp_path.iterdir()] == ["r.rrd"]
+
+
 def test_names_and_ids_must_be_as_many_as_tracks(tmp_path):
     with RerunLog(tmp_path / "r.rrd") as log:
         with pytest.raises(ArgumentError, match="1 tracks with 0 names and 1 ids"):

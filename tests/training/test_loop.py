@@ -2,6 +2,7 @@
 
 import csv
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -13,10 +14,12 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
+from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
-from ssiam.training.finished import write_so_far  # noqa: E402
+from ssiam.training.checkpoints import write_file  # noqa: E402
+from ssiam.training.finished import write_network, write_so_far  # noqa: E402
 from ssiam.training.network_settings import NetworkSettings  # noqa: E402
 from ssiam.training.trainer import Trainer  # noqa: E402
 from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
@@ -69,6 +72,28 @@ def test_a_killed_run_goes_on_to_the_very_same_weights(weights, undisturbed, tmp
     told = rows(tmp_path)
     assert len(told) == len(set(told))
     assert {step for step, _ in told} == set(range(6))
+
+
+@pytest.fixture
+def small_files():
+    """No file may grow beyond 20,000 bytes: the disk is as good as full."""
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_a_full_disk_keeps_the_older_checkpoint_and_network(tmp_path, small_files):
+    for name in ("checkpoint.pth", "weights.pth", "search.onnx", "network.json"):
+        (tmp_path / name).write_text("older")
+    with pytest.raises(SinkError, match=r"checkpoint\.pth: cannot be written \(File too large\)"):
+        write_file(tmp_path / "checkpoint.pth", {"weights": torch.zeros(100_000)})
+    with pytest.raises(SinkError, match=r"cannot be written \(File too large\)"):
+        write_network(LiteNetwork().eval(), tmp_path)
+    assert len(list(tmp_path.iterdir())) == 4
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"older"}
 
 
 def test_metrics_and_validation_are_kept(undisturbed):

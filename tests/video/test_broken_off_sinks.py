@@ -7,9 +7,10 @@ import signal
 import subprocess
 
 import pytest
-from clips import decoded, number_in, picture, python
+from clips import decoded, drained, number_in, picture, python
 
-from ssiam.video import VideoSink
+from ssiam.errors import SinkError
+from ssiam.video import VideoSink, open_source
 
 
 def _write_and_raise(path, error):
@@ -38,7 +39,7 @@ with VideoSink(sys.argv[1], 10) as sink:
 
 
 @pytest.mark.parametrize("name", ["out.mp4", "out.mov", "out.mkv", "out.avi"])
-def test_killed_writer_leaves_a_file_that_plays(tmp_path, name):
+def test_killed_writer_leaves_a_part_that_plays(tmp_path, name):
     process = python(_WRITE_ON, str(tmp_path / name), stdout=subprocess.PIPE)
     written = 0
     for line in process.stdout:
@@ -48,10 +49,48 @@ def test_killed_writer_leaves_a_file_that_plays(tmp_path, name):
             break
     process.stdout.close()
     assert process.wait() == -signal.SIGKILL
-    numbers = [number_in(f.to_ndarray(format="bgr24")) for f in decoded(tmp_path / name)]
+    stem, _, suffix = name.partition(".")
+    assert [path.name for path in tmp_path.iterdir()] == [f"{stem}.part.{suffix}"]
+    part = decoded(tmp_path / f"{stem}.part.{suffix}")
+    numbers = [number_in(f.to_ndarray(format="bgr24")) for f in part]
     assert numbers == list(range(len(numbers)))
-    # At most the last piece of a second, and what the encoder held, are lost.
-    assert len(numbers) >= written - 25
+    # Only what the encoder held is lost.
+    assert len(numbers) >= written - 8
+
+
+def test_a_part_plays_from_its_first_frames_on(tmp_path):
+    process = python(_WRITE_ON, str(tmp_path / "out.mp4"), stdout=subprocess.PIPE)
+    for line in process.stdout:
+        if int(line) == 9:
+            process.send_signal(signal.SIGKILL)
+            break
+    process.stdout.close()
+    process.wait()
+    assert len(decoded(tmp_path / "out.part.mp4")) >= 2
+
+
+def test_the_next_part_does_not_touch_the_one_that_was_left(tmp_path):
+    (tmp_path / "out.part.mp4").write_text("left")
+    (tmp_path / "out.part-2.mp4").write_text("left too")
+    with VideoSink(tmp_path / "out.mp4", 25) as sink:
+        sink.write(picture(0))
+        assert sink.place == tmp_path / "out.part-3.mp4"
+    assert sink.place == tmp_path / "out.mp4"
+    assert len(decoded(tmp_path / "out.mp4")) == 1
+    assert (tmp_path / "out.part.mp4").read_text() == "left"
+    assert (tmp_path / "out.part-2.mp4").read_text() == "left too"
+    assert not (tmp_path / "out.part-3.mp4").exists()
+
+
+def test_what_comes_into_being_meanwhile_is_not_replaced(tmp_path):
+    sink = VideoSink(tmp_path / "out.mp4", 25, overwrite=False)
+    sink.write(picture(0))
+    (tmp_path / "out.mp4").write_text("of another program")
+    with pytest.raises(SinkError, match=r"out\.mp4: cannot be written .*is in .*out\.part\.mp4"):
+        sink.close()
+    sink.close()
+    assert (tmp_path / "out.mp4").read_text() == "of another program"
+    assert len(decoded(tmp_path / "out.part.mp4")) == 1
 
 
 def test_interrupted_writer_leaves_every_frame(tmp_path):
@@ -85,8 +124,14 @@ except SinkError as error:
 
 
 @pytest.mark.parametrize("name", ["out.mp4", "out.mkv", "out.avi"])
-def test_full_disk_is_a_sink_error(tmp_path, name):
+def test_full_disk_is_a_sink_error_and_keeps_part_and_older_file(tmp_path, name):
+    (tmp_path / name).write_text("older")
     process = python(_DISK_FULL, str(tmp_path / name), stdout=subprocess.PIPE)
     told = json.loads(process.communicate()[0])
     assert process.returncode == 0
+    part = (tmp_path / name).with_suffix(f".part{(tmp_path / name).suffix}")
     assert told.startswith(f"{tmp_path / name}: cannot be written")
+    assert told.endswith(f"; what was written is in {part}")
+    assert (tmp_path / name).read_text() == "older"
+    numbers, _ = drained(open_source(part))
+    assert len(numbers) > 50

@@ -143,6 +143,42 @@ def test_old_results_are_replaced(tmp_path):
     assert _write(tmp_path / "r.txt", [[LOST]]).read_text() == "2,3,3,4\n"
 
 
+def test_old_results_stay_until_the_new_ones_are_whole(tmp_path):
+    (tmp_path / "r.csv").write_text("old\n")
+    (tmp_path / "r.csv").chmod(0o640)
+    with open_results(tmp_path / "r.csv") as sink:
+        sink.write(0, None, [PLAIN])
+        assert (tmp_path / "r.csv").read_text() == "old\n"
+        assert sink.places == (tmp_path / "r.part.csv",)
+    assert len((tmp_path / "r.csv").read_text().splitlines()) == 2
+    assert (tmp_path / "r.csv").stat().st_mode & 0o777 == 0o640
+    assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]
+
+
+def test_old_results_are_refused_where_they_are_not_to_be_replaced(tmp_path):
+    (tmp_path / "r_2.txt").write_text("old\n")
+    with pytest.raises(SinkError, match=r"r_2\.txt: exists already"):
+        open_results(tmp_path / "r.txt", targets=2, overwrite=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["r_2.txt"]
+
+
+def test_a_link_stays_a_link_and_leads_to_the_new_results(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "o.csv").write_text("old\n")
+    (tmp_path / "r.csv").symlink_to("elsewhere/o.csv")
+    _write(tmp_path / "r.csv", [[PLAIN]])
+    assert (tmp_path / "r.csv").is_symlink()
+    assert len((tmp_path / "elsewhere" / "o.csv").read_text().splitlines()) == 2
+
+
+def test_a_named_pipe_takes_results(tmp_path):
+    os.mkfifo(tmp_path / "r.csv")
+    reader = subprocess.Popen(["cat", str(tmp_path / "r.csv")], stdout=subprocess.PIPE, text=True)
+    _write(tmp_path / "r.csv", [[PLAIN], [LOST]])
+    assert len(reader.communicate(timeout=60)[0].splitlines()) == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 @pytest.mark.parametrize("name", ["r.csv", "r.txt"])
 def test_full_disk_is_a_sink_error(tmp_path, name):
@@ -162,15 +198,18 @@ try:
     with open_results(sys.argv[1]) as sink:
         for index in range(99):
             sink.write(index, None, [Track((10, 20, 30, 40))])
-except SinkError:
-    print("refused")
+except SinkError as error:
+    print(error)
 """
 
 
 def test_disk_that_fills_up_leaves_whole_lines(tmp_path):
+    (tmp_path / "r.txt").write_text("older\n")
     process = python(_HALF_A_LINE, str(tmp_path / "r.txt"), stdout=subprocess.PIPE)
-    assert process.communicate()[0] == b"refused\n"
-    assert (tmp_path / "r.txt").read_text() == "11,21,30,40\n" * 8
+    told = process.communicate()[0].decode()
+    assert told.endswith(f"; what was written is in {tmp_path / 'r.part.txt'}\n")
+    assert (tmp_path / "r.part.txt").read_text() == "11,21,30,40\n" * 8
+    assert (tmp_path / "r.txt").read_text() == "older\n"
 
 
 _WRITE_ON = """
@@ -185,8 +224,8 @@ with open_results(sys.argv[1]) as sink:
 
 
 def test_killed_writer_leaves_every_line_whole(tmp_path):
-    path = tmp_path / "r.jsonl"
-    process = python(_WRITE_ON, str(path), stdout=subprocess.PIPE)
+    path = tmp_path / "r.part.jsonl"
+    process = python(_WRITE_ON, str(tmp_path / "r.jsonl"), stdout=subprocess.PIPE)
     for line in process.stdout:
         if int(line) >= 200:
             process.send_signal(signal.SIGKILL)

@@ -2,8 +2,11 @@
 
 import csv
 import json
+import resource
+import signal
 import time
 import zipfile
+from contextlib import suppress
 from queue import SimpleQueue
 from xml.etree import ElementTree
 
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 from shaky_clip import SIZE, shaky_frames
 
-from ssiam.errors import SinkError
+from ssiam.errors import SinkError, StreamError
 from ssiam.geometry import IDENTITY
 from ssiam.trackers import Track
 from ssiam.video import Frame, open_source
@@ -126,6 +129,31 @@ def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
     with open_source(recordings.path(name, "video.mp4")) as frames:
         assert len(list(frames)) == 3
     assert recordings.begin(RATE) != name
+
+
+@pytest.fixture
+def small_files():
+    """No file may grow beyond 60,000 bytes: the disk is as good as full."""
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_what_a_full_disk_leaves_of_a_video_is_listed_and_plays(recordings, small_files):
+    name = recordings.begin(RATE)
+    for step in steps(60):
+        recordings.write(step)
+        time.sleep(0.005)
+    while recordings.listing()[-1]["open"]:
+        time.sleep(0.01)
+    assert "video.part.mp4" in recordings.listing()[-1]["files"]
+    assert "video.mp4" not in recordings.listing()[-1]["files"]
+    with open_source(recordings.path(name, "video.part.mp4")) as frames, suppress(StreamError):
+        assert next(frames).image.shape[1::-1] == SIZE
+        assert next(frames).index == 1
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
+from ssiam.outputs import check_apart
 
 
 def words(text: str) -> list[str]:
     """The words between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[Path] = ()) -> None:
+    """Refuse a folder of results that is a dataset or weights; `ArgumentError` names it."""
+    inputs = [("the dataset", path) for path in datasets]
+    check_apart([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
+
+
+def tell_left_parts(parts: Iterable[Path]) -> None:
+    """Tell where parts of outputs lie that runs which did not end have left."""
+    for part in parts:
+        print(
+            f"ssiam: {part} is left of a run that was killed or is still going on; it is kept",
+            file=sys.stderr,
+        )
 
 
 def weights_by_tracker(pairs: Iterable[str]) -> dict[str, Path]:

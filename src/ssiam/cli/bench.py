@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from ssiam.cli.arguments import shakes, weights_by_tracker, words
+from ssiam.cli.arguments import check_results_folder, shakes, weights_by_tracker, words
 from ssiam.cli.scoreboard import Scoreboard
 from ssiam.datasets import ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, check_choice
@@ -90,6 +90,7 @@ def bench(
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
     paths = weights_by_tracker(weights or [])
+    check_results_folder(out, dataset, paths.values())
     shaken_by = shakes(shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border)
     names = None if trackers is None else words(trackers)
     if preset_name is not None:

@@ -10,6 +10,7 @@ from typing import Annotated
 import cv2
 from cyclopts import Group, Parameter
 
+from ssiam.outputs import NamedPath
 from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, SteadiedTracker, TrackerName, load_tracker
@@ -48,6 +49,12 @@ class TrackerChoice:
     threads: Annotated[int, Parameter(group=RUNNING)] = min(2, os.cpu_count() or 1)
     precision: Annotated[Precision, Parameter(group=RUNNING)] = "f32"
     device: Annotated[DeviceName | None, Parameter(group=RUNNING)] = None
+
+    def weight_files(self) -> list[NamedPath]:
+        """The files that are read as weights, for the check that no output is one of them."""
+        if self.weights is None:
+            return []
+        return [("--weights", path) for path in (self.weights, *self.weights.glob("*"))]
 
     def load(self, config: StabilizerConfig) -> SteadiedTracker:
         """The tracker, steadied by `config`; errors as `load_tracker`."""

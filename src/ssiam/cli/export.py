@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -9,10 +10,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.arguments import words
+from ssiam.cli.arguments import tell_left_parts, words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, write_exports
+from ssiam.outputs import check_apart, check_output, is_stream, left_parts
 from ssiam.video import open_source
+from ssiam.video.source_files import check_apart_from_source
 
 
 def export(
@@ -25,6 +28,7 @@ def export(
     size: str | None = None,
     fps: str | None = None,
     names: str | None = None,
+    overwrite: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Write the results of ssiam track for an annotation tool.
 
@@ -47,16 +51,24 @@ def export(
         Frames a second: 25, 29.97 or 30000/1001.
     names
         The targets' names between commas, in their order; by default target 1, target 2, ...
+    overwrite
+        Replace a file that exists, when the new one is whole; without it one is refused.
     """
-    if out.exists() and results.exists() and out.samefile(results):
-        raise ArgumentError(f"--out {out} is the file of results; give another")
+    inputs = [("results", results)]
+    if video is None:
+        check_apart([("--out", out)], inputs)
+    else:
+        check_apart_from_source([("--out", out)], video, inputs)
+    check_output(out, overwrite=overwrite)
+    tell_left_parts(left_parts(out))
     frames = _frames(video, size, fps)
     named = None if names is None else words(names)
     annotations = read_annotations(results, frames.size_wh, frames.fps, named)
-    write_exports(annotations, out, to, frames.name)
+    write_exports(annotations, out, to, frames.name, overwrite=overwrite)
     print(
         f"{results}: {len(annotations.tracks())} targets in {annotations.frame_count} frames, "
-        f"written to {out}"
+        f"written to {out}",
+        file=sys.stderr if is_stream(out) else sys.stdout,  # the output may be standard output
     )
 
 

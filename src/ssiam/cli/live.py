@@ -9,8 +9,11 @@ from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import tell_left_parts
 from ssiam.cli.choice import STEADYING, TrackerChoice
+from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.stabilize import StabilizerConfig
+from ssiam.video.source_files import check_apart_from_source
 from ssiam.web import Note, Session
 
 _CHOICE = TrackerChoice()
@@ -31,6 +34,7 @@ def live(
     recordings: Annotated[Path | None, Parameter(group=_PAGE)] = None,
     mavlink: Annotated[str | None, Parameter(group=_MACHINES)] = None,
     rerun: Annotated[Path | None, Parameter(group=_MACHINES)] = None,
+    overwrite: Annotated[bool, Parameter(group=_MACHINES, negative=())] = False,
     choice: TrackerChoice = _CHOICE,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
 ) -> None:
@@ -59,9 +63,12 @@ def live(
         can connect to.
     rerun
         File to log everything to for the Rerun viewer: .rrd.
+    overwrite
+        Replace the file of --rerun if it exists; without it one is refused.
     """
     from ssiam.web.server.serving import LiveServer
 
+    _check_outputs(source, choice.weight_files(), recordings, rerun, overwrite=overwrite)
     tracker = choice.load(config)
     with ExitStack() as stack:
         session = Session.open(
@@ -78,9 +85,26 @@ def live(
         if rerun is not None:
             from ssiam.web.rerun_tap import RerunTap
 
-            stack.enter_context(RerunTap(session, rerun))
+            stack.enter_context(RerunTap(session, rerun, overwrite=overwrite))
         print(f"{session.info.source}: {server.address} (Ctrl-C ends)", flush=True)
         server.run()
+
+
+def _check_outputs(
+    source: str,
+    weights: list[NamedPath],
+    recordings: Path | None,
+    rerun: Path | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Refuse outputs that are inputs, and a file of --rerun that is not to be replaced."""
+    options = (("--recordings", recordings), ("--rerun", rerun))
+    outputs = [(option, path) for option, path in options if path is not None]
+    check_apart_from_source(outputs, source, weights)
+    if rerun is not None:
+        check_output(rerun, overwrite=overwrite)
+        tell_left_parts(left_parts(rerun))
 
 
 def _show(note: Note) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -108,8 +108,8 @@ class Report:
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw
 
-    def show(self, written: Mapping[str, Path | None]) -> None:
-        """Print the summary."""
+    def show(self, written: Sequence[tuple[str, Path]]) -> None:
+        """Print the summary; `written` is what was written, and where."""
         tracked = max(self._frames - 1, 1)
         speed = tracked / self.clock.total if self.clock.total else 0.0
         print(f"tracked {self._frames} frames of {self._title}: {speed:.0f} fps")
@@ -121,6 +121,5 @@ class Report:
                 f"  camera: known in {100 * self._reliable / tracked:.0f} % of the frames, "
                 f"moves {raw:.1f} px a frame, {steadied:.1f} px in the steadied view"
             )
-        for kind, path in written.items():
-            if path is not None:
-                print(f"  {kind}: {path}")
+        for kind, path in written:
+            print(f"  {kind}: {path}")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final
 
 from cyclopts import Parameter
 
+from ssiam.cli.arguments import check_results_folder
 from ssiam.datasets import open_dataset
+from ssiam.errors import ArgumentError
 from ssiam.evaluation.canvas import check_matplotlib
 from ssiam.evaluation.figures import Figure
 from ssiam.evaluation.figures import figures as drawn_figures
@@ -16,8 +19,9 @@ from ssiam.evaluation.gathering import summarize
 from ssiam.evaluation.lines import ResultsError
 from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.summaries import Summaries
-from ssiam.evaluation.table_page import Section, markdown_table, write_page
+from ssiam.evaluation.table_page import PAGE, Section, markdown_table, write_page
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
+from ssiam.video.folders import image_paths
 
 _YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
 _EXPLANATION: Final = (
@@ -55,9 +59,13 @@ def tables(
     figures
         Draw the figures, which needs matplotlib and, for two of them, the frames of the dataset.
     """
+    folder = out or results / "tables"
+    check_results_folder(folder, dataset)
     if figures:
         check_matplotlib()
-    found = [summarize(results, shaken_as(results, open_dataset(path))) for path in dataset]
+    opened = [shaken_as(results, open_dataset(path)) for path in dataset]
+    _check_no_frames(folder, dataset)
+    found = [summarize(results, each) for each in opened]
     if not any(each.entries for each in found):
         names = ", ".join(each.dataset for each in found)
         raise ResultsError(f"{results}: holds no results of {names}; give the dataset that was run")
@@ -65,7 +73,14 @@ def tables(
     paper = published_table(set(_YEARS) - {each.year for each in found if each.entries})
     if paper.rows:
         sections.append(Section("What the paper reports elsewhere", [paper]))
-    _show(sections, write_page(out or results / "tables", sections, _EXPLANATION))
+    _show(sections, write_page(folder, sections, _EXPLANATION))
+
+
+def _check_no_frames(folder: Path, datasets: Sequence[Path]) -> None:
+    """Refuse a folder of a dataset's frames, among which the figures would be read."""
+    inside = any(folder.resolve().is_relative_to(path.resolve()) for path in datasets)
+    if inside and folder.is_dir() and not (folder / PAGE).exists() and image_paths(folder):
+        raise ArgumentError(f"--out {folder} holds frames of the dataset; give another folder")
 
 
 def _section(found: Summaries, with_figures: bool) -> Section:

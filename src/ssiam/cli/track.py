@@ -10,8 +10,9 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import tell_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TARGET, TrackerChoice
-from ssiam.cli.outputs import Outputs
+from ssiam.cli.outputs import Destinations, Outputs
 from ssiam.cli.report import Progress, Report
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
@@ -38,6 +39,7 @@ def track(
     layout: Annotated[str | None, Parameter(group=_OUTPUT)] = None,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
+    overwrite: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
     raw: Annotated[str | None, Parameter(group=RUNNING)] = None,
     choice: TrackerChoice = _CHOICE,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
@@ -45,7 +47,10 @@ def track(
     """Follow targets through a video from a moving camera.
 
     Without --out, --results and --plot, the tracked video and a CSV file are written to the
-    current folder, named after the source.
+    current folder, named after the source and counted up: clip-tracked.mp4, clip-tracked-2.mp4.
+
+    Each output grows as NAME.part.EXT and gets its name at the end, also after Ctrl-C. What a run
+    that was killed leaves in its part plays, or has whole lines. An output may not be an input.
 
     Parameters
     ----------
@@ -65,29 +70,26 @@ def track(
         Picture of the camera's path and its steadying: .png, .svg or .pdf.
     side_by_side
         Show the steadied view beside the raw frame in the video.
+    overwrite
+        Replace files that exist; without it they are refused.
     raw
         Size, layout and rate of headerless frames: 640x360,bgr24,30.
     """
     boxes = [_box(text) for text in box]
+    if out is None and results is None and plot is None:
+        destinations = Destinations.by_default(_stem(source), len(boxes), overwrite)
+    else:
+        destinations = Destinations.given(out, results, plot, layout, len(boxes), overwrite)
+    destinations.check(source, choice.weight_files())
+    tell_left_parts(destinations.left)
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
         first = next(frames)
         group = TrackerGroup(choice.load(config))
         group.init(first.image, boxes)
-        if out is None and results is None and plot is None:
-            out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
-        outputs = Outputs(
-            frames,
-            video=out,
-            results=results,
-            layout=layout,
-            plot=plot,
-            side_by_side=side_by_side,
-            config=config,
-            targets=len(boxes),
-        )
+        outputs = Outputs(frames, destinations, side_by_side=side_by_side, config=config)
         report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
-        stack.callback(report.show, outputs.written)
+        stack.callback(lambda: report.show(outputs.places()))
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
 

@@ -30,8 +30,9 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         raise MissingExtraError(
             "PyTorch is not installed, which training needs: pip install 'ssiam[train]'"
         ) from error
+    from ssiam.training.checkpoints import CHECKPOINT
     from ssiam.training.config import read_config
-    from ssiam.training.finished import write_so_far
+    from ssiam.training.finished import check_run_outputs, write_so_far
     from ssiam.training.loading import load_batches
     from ssiam.training.loop import train as run
     from ssiam.training.mask_crops import MaskSampler
@@ -41,10 +42,14 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
 
     settings = read_config(config)
     folder = out or Path("runs") / config.stem
+    inputs = [("the config", config)]
     if so_far is not None:
+        inputs.append(("the run", folder / CHECKPOINT))
+        check_run_outputs(settings, "--so-far", so_far, inputs)
         step = write_so_far(settings, folder, so_far)
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
+    check_run_outputs(settings, "--out", folder, inputs)
     sources = [open_training_source(each) for each in settings.sources]
     sampler: PairSampler | TaughtSampler | MaskSampler
     if settings.network.kind == "mask":

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.arguments import weights_by_tracker, words
+from ssiam.cli.arguments import check_results_folder, weights_by_tracker, words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation import parameters
 from ssiam.evaluation.tuning import Search, Tried
@@ -65,6 +65,7 @@ def tune(
     if len({each.name for each in searched}) < len(searched):
         raise ArgumentError("a --parameter is given twice: give each name once")
     paths = weights_by_tracker(weights or [])
+    check_results_folder(out, [dataset], paths.values())
     search = Search(dataset, names, searched, out, paths, seed)
     best: Tried | None = None
     for tried in tried_configs(search, trials, jobs):

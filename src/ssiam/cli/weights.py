@@ -6,16 +6,20 @@ import shutil
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, Literal
 
 from cyclopts import App, Parameter
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError, check_choice
+from ssiam.outputs import NamedPath, check_apart
 from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
 from ssiam.trackers import loading
+from ssiam.video.source_files import check_apart_from_source
 
+_PIECES: Final = ("template", "search", "refine", "mask")  # of which a network has some
 _PICTURES: Final = 64  # that are read for calibration, at equal distances
 
 weights = App(name="weights", help="The networks' weights: list, import and export them.")
@@ -77,6 +81,7 @@ def import_(
     target = (folder or cache_folder() / "weights") / PUBLISHED[name].local
     exported = export_folder(file)
     if exported is None:
+        _check_apart("--folder", target, [("the weights", file)])
         _export(file, target, name, "f32", ())
         _copied([file], target, f"{network}.pth")
     else:
@@ -115,6 +120,7 @@ def export(
     """
     known = [each for each in PUBLISHED if not each.startswith("nanotrack")]
     tracker = check_choice("tracker with a .pth file", name, known)
+    _check_apart("--out", out / tracker, [("the weights", file)], pictures)
     images = [] if pictures is None else _read(pictures)
     _export(file, out / tracker, tracker, precision, images)
     print(f"{file}: {PUBLISHED[tracker].network}, {precision}, written to {out / tracker}")
@@ -167,11 +173,27 @@ def _told(folder: Path) -> str:
 
 
 def _copied(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
+    """Copy files into a folder, in which they replace others when all of them are whole."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for file in files:
-            target = folder / (name or file.name)
-            if not (target.exists() and target.samefile(file)):
-                shutil.copyfile(file, target)
+        with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
+            for file in files:
+                target = folder / (name or file.name)
+                if not (target.exists() and target.samefile(file)):
+                    shutil.copyfile(file, Path(temporary, target.name))
+            for staged in sorted(Path(temporary).iterdir(), key=lambda path: path.name == RECORD):
+                staged.replace(folder / staged.name)
     except OSError as error:
         raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+
+def _check_apart(
+    option: str, folder: Path, inputs: list[NamedPath], pictures: str | None = None
+) -> None:
+    """Refuse a folder in which the export would replace what it reads."""
+    names = (*(f"{piece}.onnx" for piece in _PIECES), RECORD)
+    outputs = [(option, folder), *((option, folder / name) for name in names)]
+    if pictures is None:
+        check_apart(outputs, inputs)
+    else:
+        check_apart_from_source(outputs, pictures, inputs)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from stat import S_ISREG
-from uuid import uuid4
 
-from ssiam.errors import SinkError, SsiamError
+from ssiam.errors import SsiamError
+from ssiam.outputs import output_error, replaced
 
 # What is read of a file: a polygon of every frame of ten hours fits, a disk image does not.
 _MAX_BYTES = 64 * 2**20
@@ -51,23 +49,10 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
     data = "".join(f"{line}\n" for line in lines).encode("ascii")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _replace(path, data)
     except OSError as error:
-        raise SinkError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-def _replace(path: Path, data: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.{uuid4().hex}")
-    try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+        raise output_error(path, error) from error
+    with replaced(path, "wb", hidden=True) as file:
+        file.write(data)
 
 
 def _text(path: Path) -> str:

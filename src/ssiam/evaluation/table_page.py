@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ssiam.errors import SinkError
 from ssiam.evaluation.figures import Figure
 from ssiam.evaluation.tables import Table
+from ssiam.outputs import output_error, replaced
 
+PAGE: Final = "tables.html"
 _TITLE: Final = "Tables and figures of steadied tracking"
 _STYLE: Final = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; background: #fff;
@@ -59,16 +60,16 @@ def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> l
     """
     files = {
         "tables.md": markdown(sections, explanation).encode(),
-        "tables.html": page(sections, explanation).encode(),
+        PAGE: page(sections, explanation).encode(),
         **{f"{each.name}.png": each.png for section in sections for each in section.figures},
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, data in files.items():
-            (folder / name).write_bytes(data)
     except OSError as error:
-        where = error.filename or folder
-        raise SinkError(f"{where}: cannot be written ({error.strerror or error})") from error
+        raise output_error(folder, error) from error
+    for name, data in files.items():
+        with replaced(folder / name, "wb", hidden=True) as file:
+            file.write(data)
     return [folder / name for name in files]
 
 

@@ -14,6 +14,7 @@ from ssiam.errors import SinkError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.workspace_sequences import LIST, length_of, sequence_folders
 from ssiam.evaluation.workspace_stack import is_official, read_stack, supervised_stack
+from ssiam.outputs import check_apart, output_error, replaced
 
 _SEQUENCES = "sequences"
 _STACK = "stack.yaml"
@@ -61,7 +62,8 @@ def write_workspace(
     Raises
     ------
     ArgumentError
-        The stack is neither a file nor one of the toolkit's.
+        The stack is neither a file nor one of the toolkit's, or the workspace would replace the
+        stack's file, the sequences' list.txt or weights.
     DatasetError
         There are no sequences, or one of them is damaged.
     SinkError
@@ -81,6 +83,10 @@ def write_workspace(
         files[own / LIST] = "".join(f"{path.absolute()}\n" for path in found)
     elif found and not (own / LIST).is_file():
         files[own / LIST] = "".join(f"{path.name}\n" for path in found)
+    inputs = [] if stack is None or official else [("the stack", Path(stack))]
+    inputs += [] if sequences is None else [("the sequences' list", sequences / LIST)]
+    inputs += [("the weights", entry.weights) for entry in entries if entry.weights is not None]
+    check_apart([("the workspace's", path) for path in files], inputs)
     _write(files, force)
     return len(found)
 
@@ -121,6 +127,7 @@ def _write(files: Mapping[Path, str], force: bool) -> None:
     for path, text in files.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
         except OSError as error:
-            raise SinkError(f"{path}: cannot be written ({error.strerror or error})") from error
+            raise output_error(path, error) from error
+        with replaced(path, "w", hidden=True) as file:
+            file.write(text)

@@ -8,13 +8,13 @@ from typing import Any
 
 from ssiam.exchange.annotations import Annotation, Annotations, Corners
 from ssiam.exchange.boxes import rounded
-from ssiam.exchange.files import replaced
 from ssiam.geometry import xywh_from_corners
+from ssiam.outputs import replaced
 
 _SCORE_DECIMALS = 4
 
 
-def write_coco(annotations: Annotations, path: Path, video: str) -> None:
+def write_coco(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
     """Write an image a frame, and an annotation a target that is seen; errors as `write_exports`.
 
     Ids count from 1; the images are called ``frame_000000.jpg`` and so on, from 0. Rotated boxes
@@ -37,7 +37,7 @@ def write_coco(annotations: Annotations, path: Path, video: str) -> None:
             {"id": number, "name": name, "supercategory": ""} for name, number in categories.items()
         ],
     }
-    with replaced(path, "w") as file:
+    with replaced(path, "w", overwrite=overwrite) as file:
         json.dump(content, file, allow_nan=False)
 
 

@@ -10,17 +10,17 @@ from xml.sax.saxutils import XMLGenerator
 from ssiam.exchange.annotations import Annotation, Annotations
 from ssiam.exchange.appearances import appearances
 from ssiam.exchange.boxes import full_circle, rounded, turned_box
-from ssiam.exchange.files import replaced
+from ssiam.outputs import replaced
 
 
-def write_cvat(annotations: Annotations, path: Path, video: str) -> None:
+def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
     """Write what CVAT imports as "CVAT 1.1": boxes, each a keyframe; errors as `write_exports`.
 
     CVAT shows a box until the next keyframe, so a target that is lost, or of which nothing is
     said, gets one box with ``outside="1"`` where it was last seen. Rotated boxes are turned about
     their centre, as CVAT has them.
     """
-    with replaced(path, "w") as file:
+    with replaced(path, "w", overwrite=overwrite) as file:
         xml = XMLGenerator(file, encoding="utf-8", short_empty_elements=True)
         xml.startDocument()
         with _element(xml, "annotations"):

@@ -17,7 +17,7 @@ ExportKind: TypeAlias = Literal["cvat", "coco", "labelstudio", "got10k"]
 
 EXPORT_KINDS: Final[tuple[ExportKind, ...]] = ("cvat", "coco", "labelstudio", "got10k")
 
-_WRITERS: Final[dict[ExportKind, Callable[[Annotations, Path, str], None]]] = {
+_WRITERS: Final[dict[ExportKind, Callable[[Annotations, Path, str, bool], None]]] = {
     "cvat": write_cvat,
     "coco": write_coco,
     "labelstudio": write_labelstudio,
@@ -26,9 +26,14 @@ _WRITERS: Final[dict[ExportKind, Callable[[Annotations, Path, str], None]]] = {
 
 
 def write_exports(
-    annotations: Annotations, path: str | Path, kind: ExportKind, video: str = "video.mp4"
+    annotations: Annotations,
+    path: str | Path,
+    kind: ExportKind,
+    video: str = "video.mp4",
+    *,
+    overwrite: bool = True,
 ) -> None:
-    """Write `annotations` to the file `path`, which is replaced if it exists.
+    """Write `annotations` to the file `path`, which holds all of them or what it held before.
 
     The same annotations give the same bytes.
 
@@ -42,12 +47,15 @@ def write_exports(
         a folder a target as GOT-10k has them. docs/exchange.md tells what they hold.
     video : str
         The video's name or address, for formats that tell it.
+    overwrite : bool
+        Whether a file of that name may be replaced.
 
     Raises
     ------
     SinkError
-        The file cannot be written.
+        The file cannot be written, or exists and is not to be replaced.
     ArgumentError
         An unknown kind.
     """
-    _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)](annotations, Path(path), video)
+    write = _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)]
+    write(annotations, Path(path), video, overwrite)

@@ -9,7 +9,7 @@ from typing import Final
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from ssiam.exchange.annotations import Annotation, Annotations
-from ssiam.exchange.files import replaced
+from ssiam.outputs import replaced
 
 _LIST: Final = "list.txt"
 _LONGEST_NAME: Final = 60  # characters, up to four bytes each; file systems take 255 bytes
@@ -19,7 +19,7 @@ _HIDDEN, _VISIBLE = 0, 8
 _NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
 
 
-def write_got10k(annotations: Annotations, path: Path, video: str) -> None:
+def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
     """Write the zip; errors as `write_exports`.
 
     Every file has a line a frame of the video, 0-based pixels as GOT-10k's toolkit takes them.
@@ -28,7 +28,10 @@ def write_got10k(annotations: Annotations, path: Path, video: str) -> None:
     """
     tracks = annotations.tracks()
     folders = list(_folders([annotations.name(target) for target in tracks]))
-    with replaced(path, "wb") as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
+    with (
+        replaced(path, "wb", overwrite=overwrite) as file,
+        ZipFile(file, "w", ZIP_DEFLATED) as archive,
+    ):
         _add(archive, _LIST, folders)
         for folder, (target, rows) in zip(folders, tracks.items(), strict=True):
             for name, lines in _files(annotations, annotations.name(target), rows, video):

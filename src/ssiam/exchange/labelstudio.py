@@ -10,13 +10,15 @@ from typing import Any
 from ssiam.exchange.annotations import Annotation, Annotations
 from ssiam.exchange.appearances import appearances
 from ssiam.exchange.boxes import full_circle, rounded, turned_box
-from ssiam.exchange.files import replaced
+from ssiam.outputs import replaced
 
 _PERCENT_DECIMALS = 6
 _TIME_DECIMALS = 6
 
 
-def write_labelstudio(annotations: Annotations, path: Path, video: str) -> None:
+def write_labelstudio(
+    annotations: Annotations, path: Path, video: str, overwrite: bool = True
+) -> None:
     """Write the list of one task; errors as `write_exports`.
 
     Boxes are in percent of the frame and frames count from 1. Label Studio still shows a box on
@@ -29,7 +31,7 @@ def write_labelstudio(annotations: Annotations, path: Path, video: str) -> None:
         if any(row.seen for row in rows)
     ]
     prediction = {"model_version": "ssiam", "result": results}
-    with replaced(path, "w") as file:
+    with replaced(path, "w", overwrite=overwrite) as file:
         json.dump([{"data": {"video": video}, "predictions": [prediction]}], file, allow_nan=False)
 
 

@@ -31,26 +31,28 @@ class RerunLog:
     ``targets/N/score`` and ``targets/N/lost`` (0 or 1); ``motion/dx``, ``motion/dy`` (pixels) and
     ``motion/angle`` (radians) the camera's motion since the frame before, at the picture's centre.
 
-    The file is whole after `close`, also after Ctrl-C or an exception. No viewer is started and
-    nothing is sent anywhere.
+    The file grows as ``NAME.part.rrd``, which `close` renames, also after Ctrl-C or an exception.
+    No viewer is started and nothing is sent anywhere.
 
     Parameters
     ----------
     path : str or Path
-        The file, .rrd; replaced if it exists. Its folder must exist.
+        The file, .rrd. Its folder must exist.
     quality : int
         Of the JPEG pictures, 1 to 100.
+    overwrite : bool
+        Whether a file of that name may be replaced.
 
     Raises
     ------
     MissingExtraError
         rerun-sdk is not installed.
     SinkError
-        The file cannot be written, on construction or later.
+        The file cannot be written, on construction or later, or exists and is not to be replaced.
     """
 
-    def __init__(self, path: str | Path, quality: int = 80) -> None:
-        self._stream = RerunStream(Path(path))
+    def __init__(self, path: str | Path, quality: int = 80, *, overwrite: bool = True) -> None:
+        self._stream = RerunStream(Path(path), overwrite=overwrite)
         self._quality = quality
         self._has_outlines = False
 

@@ -9,7 +9,7 @@ from threading import Thread
 from typing import Any, Final
 
 from ssiam.errors import MissingExtraError, SinkError
-from ssiam.video.outputs import check_output, output_error
+from ssiam.outputs import Part
 
 _APPLICATION: Final = "ssiam"
 _PIPES: Final = Path("/dev/fd")
@@ -22,17 +22,20 @@ class RerunStream:
     Parameters
     ----------
     path : Path
-        The file; replaced if it exists.
+        The file. It grows as ``NAME.part.rrd``, which `close` renames.
+    overwrite : bool
+        Whether a file of that name may be replaced.
 
     Raises
     ------
     MissingExtraError
         The SDK is not installed.
     SinkError
-        On construction, logging or closing: the file cannot be written.
+        On construction, logging or closing: the file cannot be written, or exists and is not to
+        be replaced.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, overwrite: bool = True) -> None:
         try:
             self.rr: Any = importlib.import_module("rerun")
         except ImportError as error:
@@ -41,13 +44,12 @@ class RerunStream:
             ) from error
         if path.suffix.lower() != ".rrd":
             raise SinkError(f"{path}: a recording for Rerun is written as .rrd")
-        check_output(path)
-        self._path = path
+        self._part = Part(path, overwrite=overwrite)
         # In 0.23 several names changed at once.
         self._is_recent = hasattr(self.rr, "Scalars")
         begin = self.rr.RecordingStream if self._is_recent else self.rr.new_recording
         self._recording: Any = begin(_APPLICATION)
-        self._copy = _Copy(path) if _PIPES.is_dir() else None
+        self._copy = _Copy(self._part.file) if _PIPES.is_dir() else None
         self._save()
 
     def at(self, frame: int, time: float | None) -> None:
@@ -65,7 +67,7 @@ class RerunStream:
     def log(self, entity: str, value: Any) -> None:
         """Log one of the SDK's archetypes (`rr`) under the path `entity`."""
         if self._copy is not None and self._copy.error is not None:
-            raise output_error(self._path, self._copy.error) from self._copy.error
+            raise self._part.error(self._copy.error) from self._copy.error
         self._recording.log(entity, value, strict=True)
 
     def log_number(self, entity: str, value: float) -> None:
@@ -81,13 +83,18 @@ class RerunStream:
         if self._copy is not None:
             self._copy.finish()
             if self._copy.error is not None:
-                raise output_error(self._path, self._copy.error) from self._copy.error
+                raise self._part.error(self._copy.error) from self._copy.error
+        try:
+            self._part.finish()
+        except OSError as error:
+            raise self._part.error(error) from error
 
     def _save(self) -> None:
         try:
-            self._recording.save(str(self._path if self._copy is None else self._copy.entry))
+            self._recording.save(str(self._part.file if self._copy is None else self._copy.entry))
         except RuntimeError as error:
-            raise output_error(self._path, error) from error
+            self._part.discard()
+            raise self._part.error(error) from error
         finally:
             if self._copy is not None:
                 self._copy.opened()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -12,7 +11,7 @@ import numpy as np
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError
 from ssiam.runtime.calibration import calibration_feeds, quantise
-from ssiam.runtime.exported import OPSET, RECORD, Exported
+from ssiam.runtime.exported import OPSET, Exported, put
 from ssiam.runtime.files import sha256
 from ssiam.runtime.network import Network, Tensor
 from ssiam.runtime.openvino import OpenVinoNetwork
@@ -79,7 +78,7 @@ def export_network(
                 _quantised(Path(temporary), pictures, rgb=network == "siamfc")
             record = Exported(name, network, sha256(path), pieces, precision)
             record.write(Path(temporary))
-            _put(Path(temporary), folder, [*(f"{piece}.onnx" for piece in pieces), RECORD])
+            put(Path(temporary), folder, [f"{piece}.onnx" for piece in pieces])
     except OSError as error:
         raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
     return record
@@ -144,10 +143,3 @@ def _quantised(folder: Path, pictures: Sequence[Any], *, rgb: bool) -> None:
     path.rename(exact)
     shape = OpenVinoNetwork(exact, cached=False).input_shapes[0]
     quantise(exact, path, calibration_feeds(template, shape, pictures, rgb=rgb))
-
-
-def _put(source: Path, folder: Path, files: Iterable[str]) -> None:
-    """Move files into the folder, the record last: a folder without one is not complete."""
-    (folder / RECORD).unlink(missing_ok=True)
-    for file in files:
-        os.replace(source / file, folder / file)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Final
 from ssiam.errors import WeightsError
 from ssiam.runtime.network import Precision
 
-__all__ = ["OPSET", "RECORD", "VERSION", "Exported", "export_folder"]
+__all__ = ["OPSET", "RECORD", "VERSION", "Exported", "export_folder", "put"]
 
 RECORD: Final = "network.json"
 OPSET: Final = 17  # of ONNX: what all runtimes that are supported here take
@@ -65,6 +67,16 @@ class Exported:
     def write(self, folder: Path) -> None:
         """Store the record, the last of a folder's files."""
         (folder / RECORD).write_text(json.dumps(asdict(self), indent=2) + "\n")
+
+
+def put(source: Path, folder: Path, files: Iterable[str]) -> None:
+    """Move whole files from a folder beside it into `folder`, and last the record.
+
+    A folder without a record is not complete. Raises `OSError`.
+    """
+    (folder / RECORD).unlink(missing_ok=True)
+    for file in (*files, RECORD):
+        os.replace(source / file, folder / file)
 
 
 def export_folder(weights: Path) -> Path | None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
 import torch
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.networks.checkpoints import read_content
+from ssiam.outputs import replaced
 from ssiam.training.config import from_table
 from ssiam.training.settings import TrainSettings
 
@@ -63,16 +64,11 @@ def read_state(folder: Path, settings: TrainSettings) -> State | None:
 
 def write_file(path: Path, content: Any) -> None:
     """Store what PyTorch can store, so that a kill leaves the old file or the new one."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with beside.open("wb") as file:
-            torch.save(content, file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise SinkError(f"{path} cannot be written: {error.strerror or error}") from error
+    # PyTorch turns the error of a full disk into one that does not name it.
+    data = BytesIO()
+    torch.save(content, data)
+    with replaced(path, "wb", hidden=True) as file:
+        file.write(data.getbuffer())
 
 
 def _plain(settings: TrainSettings) -> Any:

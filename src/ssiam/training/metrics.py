@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
-from ssiam.errors import SinkError
+from ssiam.outputs import output_error, replaced
 
 __all__ = ["METRICS", "Metrics"]
 
@@ -37,12 +37,12 @@ class Metrics:
         path = folder / METRICS
         try:
             kept = _rows_before(path, step)
-            self._file = path.open("w", newline="", encoding="utf-8")
+            with replaced(path, "w", hidden=True) as file:
+                csv.writer(file).writerows((_COLUMNS, *kept))
+            self._file = path.open("a", newline="", encoding="utf-8")
         except OSError as error:
-            raise SinkError(f"{path} cannot be written: {error.strerror or error}") from error
+            raise output_error(path, error) from error
         self._rows = csv.writer(self._file)
-        self._rows.writerow(_COLUMNS)
-        self._rows.writerows(kept)
         self._board = _board(folder, step)
 
     def write(self, step: int, values: Mapping[str, float]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,9 @@ from numpy.typing import NDArray
 from ssiam.errors import MissingExtraError, SinkError
 from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
+from ssiam.outputs import check_output, replaced
 from ssiam.stabilize import CameraPath
 from ssiam.trackers import Track
-from ssiam.video.outputs import check_output, output_error
 
 _RAW, _SMOOTH, _UNSURE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
 _AXES = (
@@ -36,22 +38,26 @@ class PathPlot:
         The picture to write; its suffix (.png, .svg, .pdf) says how.
     window : int
         Frames of the moving average.
+    overwrite : bool
+        Whether a file of that name may be replaced; it is when the new one is whole.
 
     Raises
     ------
     MissingExtraError
         matplotlib is not installed.
     SinkError
-        The picture cannot be written.
+        The picture cannot be written, or exists and is not to be replaced.
     """
 
-    def __init__(self, path: Path, window: int) -> None:
+    def __init__(self, path: Path, window: int, *, overwrite: bool = True) -> None:
         if importlib.util.find_spec("matplotlib") is None:
             raise MissingExtraError("a plot needs matplotlib: pip install 'ssiam[plot]'")
         if path.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise SinkError(f"{path}: a plot is written as .png, .svg or .pdf")
-        check_output(path)
+        check_output(path, overwrite=overwrite)
         self._path = path
+        self._overwrite = overwrite
+        self._written = False
         self._camera_path = CameraPath(window)
         self._rows: list[tuple[float, ...]] = []
 
@@ -67,12 +73,36 @@ class PathPlot:
     def _difference(self) -> tuple[float, float, float]:
         return self._camera_path.difference() if self._camera_path.started else (0.0, 0.0, 0.0)
 
+    @property
+    def place(self) -> Path | None:
+        """The picture; None until it is drawn."""
+        return self._path if self._written else None
+
+    def close(self) -> None:
+        """Draw what was noted, if there is anything. May be called twice."""
+        if self._rows:
+            self._draw(np.array(self._rows))
+            self._rows, self._written = [], True
+
+    def abandon(self) -> None:
+        """Draw nothing."""
+        self._rows = []
+
     def __enter__(self) -> PathPlot:
         return self
 
-    def __exit__(self, *exc: object) -> None:
-        if self._rows:
-            self._draw(np.array(self._rows))
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if exc_type is None:
+            self.close()
+            return
+        # The exception on its way says more than what goes wrong because of it.
+        with suppress(SinkError):
+            self.close()
 
     def _draw(self, rows: NDArray[np.float64]) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -101,10 +131,9 @@ class PathPlot:
         self._save(figure)
 
     def _save(self, figure: Any) -> None:
-        try:
-            figure.savefig(self._path, dpi=130)
-        except OSError as error:
-            raise output_error(self._path, error) from error
+        kind = self._path.suffix.lower()[1:]
+        with replaced(self._path, "wb", overwrite=self._overwrite) as file:
+            figure.savefig(file, dpi=130, format=kind)
 
 
 def _correction(track: Track, motion: Motion) -> tuple[float, ...]:

@@ -19,23 +19,23 @@ from av.video.stream import VideoStream
 
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
+from ssiam.outputs import Part
 from ssiam.video.clock import Clock, as_rate
-from ssiam.video.outputs import check_output, output_error
 
 _log = logging.getLogger(__name__)
 
 _FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".avi": "avi"}
-# A program that is killed loses one piece of this length: mp4 is written in pieces that play as
-# they are, and turned into a plain one on closing; Matroska in clusters (milliseconds).
-_PIECE_SECONDS = 1
+# A program that is killed loses the few frames that the encoder holds: mp4 is written in fragments
+# of one frame (2 % more bytes) and turned into a plain one on closing, Matroska in short clusters.
 _FLUSHED = {"flush_packets": "1"}
-_PIECEWISE = {"movflags": "hybrid_fragmented+frag_keyframe"}
+_FRAGMENTED = {"movflags": "hybrid_fragmented+frag_every_frame"}
 _MUXER_OPTIONS = {
-    "mp4": _PIECEWISE,
-    "mov": _PIECEWISE,
-    "matroska": {"cluster_time_limit": str(1000 * _PIECE_SECONDS)},
+    "mp4": _FRAGMENTED,
+    "mov": _FRAGMENTED,
+    "matroska": {"cluster_time_limit": "40"},  # milliseconds
     "avi": {},
 }
+_KEY_FRAME_SECONDS = 1
 # In the order of preference; builds of FFmpeg without x264 have one of the others. No lookahead
 # and no B-frames: 32 MB instead of 79 MB at 1280x720, and times that need no reordering.
 _ENCODERS: dict[str, dict[str, str]] = {
@@ -52,23 +52,27 @@ _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 class VideoSink:
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
 
-    The file is complete after `close`; after Ctrl-C or an exception it holds all frames that were
-    written, and an mp4 plays up to the last second even if the program is killed.
+    Frames go to ``NAME.part.EXT``, which `close` renames: also after Ctrl-C or an exception, with
+    all frames that were written. If the program is killed or the disk is full the part stays, and
+    plays to its last frames; what had the name before is kept.
 
     Parameters
     ----------
     path : str or Path
-        The file; replaced if it exists. Its folder must exist.
+        The file; its folder must exist.
     fps : Fraction or float
         Frames a second, for frames that are written without a time; kept exactly as a Fraction.
     size_wh : (int, int) or None
         Width and height of the frames in pixels; None takes those of the first frame.
         Odd sizes are padded to even ones, as H.264 needs them.
+    overwrite : bool
+        Whether a file of that name may be replaced.
 
     Raises
     ------
     SinkError
-        On construction if `path` cannot be written; later if the disk is full.
+        On construction if `path` cannot be written, or exists and is not to be replaced; later
+        if the disk is full.
     """
 
     def __init__(
@@ -76,6 +80,8 @@ class VideoSink:
         path: str | Path,
         fps: Fraction | float,
         size_wh: tuple[int, int] | None = None,
+        *,
+        overwrite: bool = True,
     ) -> None:
         self.path = Path(path)
         self.size_wh = size_wh
@@ -84,11 +90,17 @@ class VideoSink:
         if muxer is None:
             known = " ".join(_FORMATS)
             raise SinkError(f"{self.path}: unknown kind of video; name it with one of {known}")
-        check_output(self.path)
         self._clock = Clock(self._rate, only_whole_frames=muxer == "avi")
-        self._container = _create(self.path, muxer)
+        self._part = Part(self.path, overwrite=overwrite)
+        self._container = _create(self._part.file, muxer)
         self._stream: VideoStream | None = None
+        self._is_empty = True
         self._failed = False
+
+    @property
+    def place(self) -> Path | None:
+        """Where the video is now: under its name, in its part, or None if no frame was written."""
+        return self._part.place
 
     def write(self, image: Image, time: float | None = None) -> None:
         """Append a (H, W, 3) uint8 BGR frame.
@@ -110,21 +122,34 @@ class VideoSink:
             if self._stream is None:
                 self._stream = _add_stream(self._container, self._rate, self._clock, frame)
             self._container.mux(self._stream.encode(frame))
+            self._is_empty = False
         except (av.FFmpegError, OSError) as error:
             self._failed = True
-            raise output_error(self.path, error) from error
+            raise self._part.error(error) from error
 
     def close(self) -> None:
-        """Finish the file. May be called twice."""
+        """Finish the file and give it its name. May be called twice."""
+        self._finish(rename=True)
+
+    def abandon(self) -> None:
+        """Finish the file, and leave it under the name of its part."""
+        with suppress(SinkError):
+            self._finish(rename=False)
+
+    def _finish(self, *, rename: bool) -> None:
         stream, self._stream = self._stream, None
         try:
             if stream is not None and not self._failed:
                 self._container.mux(stream.encode(None))
             self._container.close()
+            if self._is_empty:
+                self._part.discard()
+            elif rename and not self._failed:
+                self._part.finish()
         except (av.FFmpegError, OSError) as error:
             if not self._failed:
                 self._failed = True
-                raise output_error(self.path, error) from error
+                raise self._part.error(error) from error
 
     def __enter__(self) -> VideoSink:
         return self
@@ -154,7 +179,7 @@ def _add_stream(
     container: OutputContainer, rate: Fraction, clock: Clock, frame: VideoFrame
 ) -> VideoStream:
     name = _encoder()
-    options = _ENCODERS[name] | {"g": str(max(1, round(_PIECE_SECONDS * rate)))}
+    options = _ENCODERS[name] | {"g": str(max(1, round(_KEY_FRAME_SECONDS * rate)))}
     stream = cast(VideoStream, container.add_stream(name, rate=rate, options=options))
     stream.width, stream.height, stream.pix_fmt = frame.width, frame.height, "yuv420p"
     stream.thread_count, stream.thread_type = _ENCODER_THREADS, ThreadType.FRAME

@@ -27,7 +27,11 @@ _EXPORTS: Final[dict[str, ExportKind]] = {
     "labelstudio.json": "labelstudio",
     "got10k.zip": "got10k",
 }
-FILES: Final = (_VIDEO, *_TABLES, *_EXPORTS)
+# Parts are what a full disk leaves.
+FILES: Final = (
+    *(_VIDEO, *_TABLES, *_EXPORTS),
+    *("video.part.mp4", "results.part.csv", "results.part.jsonl"),
+)
 _LONGEST: Final = 30 * 60 * 60  # frames: an hour at 30 a second
 
 

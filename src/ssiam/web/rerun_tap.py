@@ -22,18 +22,20 @@ class RerunTap:
     ----------
     session : Session
     path : Path
-        A .rrd file, replaced if it exists.
+        A .rrd file.
+    overwrite : bool
+        Whether a file of that name may be replaced.
 
     Raises
     ------
     SinkError
-        The file cannot be written.
+        The file cannot be written, or exists and is not to be replaced.
     MissingExtraError
         rerun-sdk is not installed.
     """
 
-    def __init__(self, session: Session, path: Path) -> None:
-        self._sink = RerunLog(path)
+    def __init__(self, session: Session, path: Path, *, overwrite: bool = True) -> None:
+        self._sink = RerunLog(path, overwrite=overwrite)
         self._backlog = Backlog()
         self._thread = threading.Thread(target=self._run, name="ssiam-rerun", daemon=True)
         self._thread.start()

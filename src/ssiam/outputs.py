@@ -1,0 +1,274 @@
+"""Files that are written: never over an input, and whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import count
+from pathlib import Path
+from stat import S_ISDIR, S_ISREG
+from typing import IO, Any, TypeAlias
+
+from ssiam.errors import ArgumentError, SinkError
+
+NamedPath: TypeAlias = tuple[str, Path]
+"""A file and its name in messages: an option ("--out") or what it is ("the source")."""
+
+_Identity: TypeAlias = tuple[object, ...]
+
+_STANDARD_STREAMS = (1, 2)  # descriptors of standard output and standard error
+
+
+def check_apart(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> None:
+    """Refuse outputs that are inputs, and two outputs that are one file; opens nothing.
+
+    Files and folders are compared by identity, so that other spellings, symbolic links, hard
+    links and a redirected standard output are seen. Devices and pipes hold nothing that could be
+    destroyed, and pass.
+
+    Raises
+    ------
+    ArgumentError
+        One line that names both.
+    """
+    known: dict[_Identity, NamedPath] = {}
+    for what, given in inputs:
+        known.setdefault(_identity(given), (what, given))
+    written: dict[_Identity, NamedPath] = {}
+    for option, path in outputs:
+        identity = _identity(path)
+        if identity in known:
+            what, given = known[identity]
+            kind = "folder" if given.is_dir() else "file"
+            raise ArgumentError(f"{option} {path} is the {kind} of {what} {given}; give another")
+        if identity in written:
+            other_option, other = written[identity]
+            raise ArgumentError(
+                f"{other_option} {other} and {option} {path} are one file; give each its own"
+            )
+        written[identity] = option, path
+
+
+def _identity(path: Path) -> _Identity:
+    """What two paths of one file or folder have in common, and no others."""
+    try:
+        found = path.stat()
+    except OSError:  # it does not exist: where symbolic links lead to
+        return (os.path.realpath(path),)
+    is_device = not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode))
+    return (object(),) if is_device else (found.st_dev, found.st_ino)
+
+
+def check_output(path: Path, *, overwrite: bool = True) -> None:
+    """Raise `SinkError` if `path` cannot be written; leaves what it holds as it is.
+
+    Folders are not created: a misspelt one should be seen, and before the work, not after.
+
+    Parameters
+    ----------
+    path : Path
+    overwrite : bool
+        Whether an existing file may be replaced. Pipes and devices are never replaced.
+    """
+    try:
+        if not path.parent.is_dir():
+            raise SinkError(f"{path}: there is no folder {path.parent}; create it first")
+        if path.is_dir():
+            raise SinkError(f"{path}: is a folder; give the name of a file")
+        if is_stream(path):
+            return
+        if path.exists():
+            if not overwrite:
+                raise SinkError(
+                    f"{path}: exists already; give another name, or --overwrite to replace it"
+                )
+            if not os.access(path, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        _reserved(Path(os.path.realpath(path)), hidden=True).unlink()
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+def is_stream(path: Path) -> bool:
+    """Whether `path` is a pipe, a device or this program's standard output, which has no part."""
+    try:
+        found = path.stat()
+    except OSError:
+        return False
+    if S_ISREG(found.st_mode):
+        return any(_is_descriptor(found, number) for number in _STANDARD_STREAMS)
+    return not S_ISDIR(found.st_mode)
+
+
+def _is_descriptor(found: os.stat_result, number: int) -> bool:
+    try:
+        return os.path.samestat(found, os.fstat(number))
+    except OSError:  # closed
+        return False
+
+
+def output_error(path: Path, error: Exception, part: Path | None = None) -> SinkError:
+    """The `SinkError` for a failure of the operating system or of FFmpeg.
+
+    `part` is the file that holds what was written before, if there is one.
+    """
+    reason = getattr(error, "strerror", None) or str(error)
+    rest = "" if part is None else f"; what was written is in {part}"
+    return SinkError(f"{path}: cannot be written ({reason}){rest}")
+
+
+class Part:
+    """The file ``NAME.part.EXT`` in which an output grows until it is whole, and gets its name.
+
+    A part that another run left is not touched: the new one is then called ``NAME.part-2.EXT``.
+    The part lies beside the file that is to be replaced, also where the output is a symbolic link.
+    Pipes, devices and standard output have no part and are written directly.
+
+    Parameters
+    ----------
+    path : Path
+        The output. Its folder must exist.
+    overwrite : bool
+        Whether `finish` may replace an existing file.
+    hidden : bool
+        Call the part ``.NAME.EXT.part``, for files of a folder in which others look for files by
+        their suffix.
+
+    Attributes
+    ----------
+    path : Path
+    file : Path
+        Where to write; an empty file that exists, or the pipe or device itself.
+
+    Raises
+    ------
+    SinkError
+        The output cannot be written, or exists and is not to be replaced.
+    """
+
+    def __init__(self, path: Path, *, overwrite: bool = True, hidden: bool = False) -> None:
+        check_output(path, overwrite=overwrite)
+        self.path = path
+        self._overwrite = overwrite
+        # None: there is nothing to rename, or no more.
+        self._target = None if is_stream(path) else Path(os.path.realpath(path))
+        try:
+            self.file = path if self._target is None else _reserved(self._target, hidden=hidden)
+        except OSError as error:
+            raise output_error(path, error) from error
+        self._discarded = False
+
+    @property
+    def place(self) -> Path | None:
+        """Where the output is now: under its name, in its part, or nowhere if it was discarded."""
+        if self._discarded:
+            return None
+        if self._target is None:
+            return self.path
+        return self.file if self.path.is_symlink() else self.path.with_name(self.file.name)
+
+    def finish(self) -> None:
+        """Give the part the name of the output. May be called twice.
+
+        Raises
+        ------
+        OSError
+            That is not possible; the part stays, and so does what had the name before.
+        """
+        if self._target is None:
+            return
+        with self.file.open("r+b") as file:
+            os.fsync(file.fileno())
+        with suppress(OSError):  # there is none, or its mode cannot be given to another
+            shutil.copymode(self._target, self.file)
+        if self._overwrite:
+            self.file.replace(self._target)
+        else:
+            _rename(self.file, self._target)
+        self._target = None
+
+    def discard(self) -> None:
+        """Remove the part, of which nothing is needed; does nothing after `finish`."""
+        if self._target is None:
+            return
+        self._target, self._discarded = None, True
+        with suppress(OSError):
+            self.file.unlink()
+
+    def error(self, error: Exception) -> SinkError:
+        """The error for a failure to write; tells where the part is, if there is anything in it."""
+        with suppress(OSError):
+            if self._target is not None and self.file.stat().st_size:
+                return output_error(self.path, error, self.place)
+        return output_error(self.path, error)
+
+
+def left_parts(path: Path) -> list[Path]:
+    """Parts of the output `path` that runs which were killed, or are still going on, have left."""
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
+    try:
+        return sorted(each for each in target.parent.iterdir() if name.fullmatch(each.name))
+    except OSError:
+        return []
+
+
+@contextmanager
+def replaced(
+    path: Path, mode: str, *, overwrite: bool = True, hidden: bool = False
+) -> Iterator[IO[Any]]:
+    """A file to be written as text ("w", UTF-8) or bytes ("wb"), which then becomes `path`.
+
+    `path` holds the new content or, whatever goes wrong, the old; the options are those of `Part`.
+
+    Raises
+    ------
+    SinkError
+        It cannot be written, now or later.
+    """
+    part = Part(path, overwrite=overwrite, hidden=hidden)
+    is_text = "b" not in mode
+    try:
+        with part.file.open(
+            mode, encoding="utf-8" if is_text else None, newline="\n" if is_text else None
+        ) as file:
+            yield file
+        part.finish()
+    except OSError as error:
+        part.discard()
+        raise output_error(path, error) from error
+    except BaseException:
+        part.discard()
+        raise
+
+
+def _reserved(target: Path, *, hidden: bool) -> Path:
+    """A new and empty file beside `target`, under the first name that is free."""
+    for number in count(1):
+        word = "part" if number == 1 else f"part-{number}"
+        name = f".{target.name}.{word}" if hidden else f"{target.stem}.{word}{target.suffix}"
+        file = target.with_name(name)
+        try:
+            os.close(os.open(file, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except FileExistsError:
+            continue
+        return file
+    raise AssertionError("unreachable: the names do not end")
+
+
+def _rename(file: Path, target: Path) -> None:
+    """Give a file a name that must not exist; `FileExistsError` if it does."""
+    try:
+        os.link(file, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        if target.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+        file.replace(target)
+    else:
+        file.unlink()

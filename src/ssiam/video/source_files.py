@@ -1,0 +1,101 @@
+"""`check_apart_from_source`: outputs beside the files that a source is read from."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from ssiam.errors import ArgumentError
+from ssiam.outputs import NamedPath, check_apart
+from ssiam.video.addresses import is_address
+from ssiam.video.folders import IMAGE_SUFFIXES, image_paths
+from ssiam.video.sources import STDIN, camera_number
+
+_M3U, _FFCONCAT = b"#EXTM3U", b"ffconcat"  # with which playlists start
+_LONGEST_LIST = 1 << 20  # bytes that are read of one
+_STANDARD_INPUT = Path("/dev/stdin")  # also when it is redirected from a file
+
+
+def check_apart_from_source(
+    outputs: Sequence[NamedPath], source: str, inputs: Iterable[NamedPath] = ()
+) -> None:
+    """`check_apart` of what `open_source` would read, and of other inputs; opens no video.
+
+    A folder is read as its images, a local playlist (.m3u8, .ffconcat) as the files that it names.
+    Images beside those of a source that is a folder are refused too: the next run would take them
+    for frames.
+
+    Raises
+    ------
+    ArgumentError
+        One line that names the output and the input.
+    """
+    path = _path(source)
+    if path is None:
+        check_apart(outputs, inputs)
+        return
+    images = _images(path) if path.is_dir() else []
+    files = (path, *images, *_listed(path, {path}))
+    check_apart(outputs, [*(("the source", each) for each in files), *inputs])
+    for option, output in outputs:
+        if images and _would_be_read(output, path):
+            raise ArgumentError(
+                f"{option} {output} lies in the source {path}, where it would be read as a frame; "
+                "give another folder"
+            )
+
+
+def _path(source: str) -> Path | None:
+    """The file or folder that a source is, if it is one."""
+    if source == STDIN:
+        return _STANDARD_INPUT
+    if is_address(source):
+        is_file = source.lower().startswith("file://")
+        return Path(unquote(urlsplit(source).path)) if is_file else None
+    return None if camera_number(source) is not None or not source else Path(source)
+
+
+def _images(folder: Path) -> list[Path]:
+    try:
+        return image_paths(folder)
+    except OSError:  # told when it is opened
+        return []
+
+
+def _listed(path: Path, seen: set[Path]) -> list[Path]:
+    """The files that a playlist names, and those that playlists among them name."""
+    found: list[Path] = []
+    for name in _names_in(path):
+        file = path.parent / name
+        if file not in seen:
+            seen.add(file)
+            found += [file, *_listed(file, seen)]
+    return found
+
+
+def _names_in(path: Path) -> list[str]:
+    try:
+        if not path.is_file():
+            return []
+        with path.open("rb") as file:
+            head = file.read(len(_FFCONCAT))
+            is_list = head.startswith(_M3U) or head == _FFCONCAT
+            text = file.read(_LONGEST_LIST).decode("utf-8", "replace") if is_list else ""
+    except OSError:  # told when it is opened
+        return []
+    if head == _FFCONCAT:
+        return [name.strip(" '\"") for name in re.findall(r"(?m)^\s*file\s+(.+?)\s*$", text)]
+    entries = re.findall(r'(?m)^(?!#)\s*(\S.*?)\s*$|URI="([^"]+)"', text)
+    return [line or attribute for line, attribute in entries]
+
+
+def _would_be_read(output: Path, folder: Path) -> bool:
+    """Whether the output will be an image of the folder."""
+    target = Path(os.path.realpath(output))
+    try:
+        return target.suffix.lower() in IMAGE_SUFFIXES and target.parent.samefile(folder)
+    except OSError:  # told when it is opened
+        return False

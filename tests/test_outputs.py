@@ -1,0 +1,99 @@
+"""`ssiam.outputs`: files are compared by what they are, and written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from ssiam.errors import ArgumentError, SinkError
+from ssiam.outputs import Part, check_apart, check_output, is_stream, left_parts, replaced
+
+
+def test_files_are_compared_by_what_they_are(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).write_text(name)
+    os.link(tmp_path / "a", tmp_path / "hard")
+    (tmp_path / "soft").symlink_to("hard")
+    (tmp_path / "loop").symlink_to("loop")
+    check_apart([("--out", tmp_path / "b")], [("the source", tmp_path / "a")])
+    check_apart([("--out", tmp_path / "loop")], [("the source", tmp_path / "a")])
+    for name in ("a", "hard", "soft", "../" + tmp_path.name + "/a"):
+        with pytest.raises(ArgumentError, match="is the file of the source"):
+            check_apart([("--out", tmp_path / name)], [("the source", tmp_path / "a")])
+
+
+def test_files_that_do_not_exist_yet_are_compared_too(tmp_path):
+    (tmp_path / "link.csv").symlink_to("new.csv")
+    outputs = [("--out", tmp_path / "new.csv"), ("--results", tmp_path / "link.csv")]
+    with pytest.raises(ArgumentError, match=r"--out .* and --results .* are one file"):
+        check_apart(outputs, [])
+    same = tmp_path / "new.csv"
+    with pytest.raises(ArgumentError, match="are one file"):
+        check_apart([("--out", same), ("--results", same)], [])
+
+
+def test_devices_hold_nothing_and_may_be_given_twice(tmp_path):
+    for name in ("a.csv", "b.png"):
+        (tmp_path / name).symlink_to("/dev/null")
+    outputs = [("--results", tmp_path / "a.csv"), ("--plot", tmp_path / "b.png")]
+    check_apart(outputs, [("the source", tmp_path / "a.csv")])
+    assert is_stream(tmp_path / "a.csv")
+
+
+def test_the_check_changes_nothing(tmp_path):
+    path = tmp_path / "out.mp4"
+    path.write_text("older")
+    before = path.stat().st_mtime_ns
+    check_output(path)
+    with pytest.raises(SinkError, match="exists already"):
+        check_output(path, overwrite=False)
+    assert (path.stat().st_mtime_ns, [each.name for each in tmp_path.iterdir()]) == (
+        before,
+        ["out.mp4"],
+    )
+
+
+@pytest.mark.parametrize("mode", ["w", "wb"])
+def test_a_file_is_replaced_when_the_new_one_is_whole(tmp_path, mode):
+    path, text = tmp_path / "out.xml", "new\n" if mode == "w" else b"new\n"
+    path.write_text("older")
+    with replaced(path, mode) as file:
+        file.write(text)
+        file.flush()
+        assert path.read_text() == "older"
+        assert left_parts(path) == [tmp_path / "out.part.xml"]
+    assert path.read_text() == "new\n"
+    assert left_parts(path) == []
+
+
+def test_what_goes_wrong_leaves_the_older_file_and_no_part(tmp_path):
+    path = tmp_path / "out.xml"
+    path.write_text("older")
+    for error in (KeyboardInterrupt, ValueError):
+        with pytest.raises(error), replaced(path, "w"):
+            raise error
+    with pytest.raises(SinkError, match=r"out\.xml: cannot be written"), replaced(path, "w"):
+        raise OSError(28, "No space left on device")
+    assert path.read_text() == "older"
+    assert [each.name for each in tmp_path.iterdir()] == ["out.xml"]
+
+
+def test_only_parts_of_this_output_are_told_of(tmp_path):
+    mine = ["clip.part-2.mp4", "clip.part.mp4"]
+    others = ["clip.part.csv", "clip-2.part.mp4", "clip.part-x.mp4", "myclip.part.mp4", "clip.mp4"]
+    for name in (*mine, *others):
+        (tmp_path / name).write_text("")
+    assert [path.name for path in left_parts(tmp_path / "clip.mp4")] == mine
+    assert left_parts(tmp_path / "gone" / "clip.mp4") == []
+
+
+def test_a_part_of_a_link_lies_beside_the_file(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out.mp4").symlink_to("elsewhere/o.mp4")
+    part = Part(tmp_path / "out.mp4")
+    assert part.file == tmp_path / "elsewhere" / "o.part.mp4"
+    assert left_parts(tmp_path / "out.mp4") == [part.place]
+    part.finish()
+    assert (tmp_path / "elsewhere" / "o.mp4").exists()
+    assert part.place == tmp_path / "out.mp4"
