@@ -39,8 +39,8 @@ AROUND_TEMPLATE, AROUND_SEARCH = 0.2, 2.0  # of the box's sides, added on each s
 MEAN_RGB = (123.675, 116.28, 103.53)
 SMALLEST = 3  # px, the least side of a box
 LOGITS = (-8.0, 8.0)  # beyond these a score says no more
-# Of the logit; from `python benchmarks/confidence.py --trackers fear_xs --every 8`.
-CONFIDENCE = Confidence((1.0,), 0.0)
+# Of the logit; from `python benchmarks/confidence.py --trackers fear_xs --every 12`.
+CONFIDENCE = Confidence((0.90,), -2.49)
 
 Floats = NDArray[np.float64]
 
