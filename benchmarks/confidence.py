@@ -1,6 +1,6 @@
 """What each tracker's score is made of: the fit of its confidence, and how well it tells.
 
-    python benchmarks/confidence.py [--trackers nanotrack_v3,...] [--jobs N]
+    python benchmarks/confidence.py [--trackers nanotrack_v3,...] [--every N] [--jobs N]
 
 Runs every tracker over clips whose target goes away for a while (splices.py), with and without
 camera shake, fits P(overlap > .5) to its evidence by logistic regression, every sequence and
@@ -18,7 +18,8 @@ import joblib
 import numpy as np
 
 import ssiam
-from shared_data import WEIGHTS, sequences
+from loading import load
+from shared_data import sequences
 from splice import Splice
 from splices import splices
 from ssiam.geometry import iou
@@ -33,9 +34,8 @@ ROUNDS = 30  # of Newton's method
 def gathered(name: str, clips: list[Splice]) -> tuple[np.ndarray, list[str]]:
     """Rows (N, 2 + k) of `evidence` of all clips, and each row's sequence."""
     cv2.setNumThreads(1)
-    weights = WEIGHTS / name.replace("_", "") if name.startswith("nanotrack") else None
     config = ssiam.StabilizerConfig("predict", find=False)
-    tracker = ssiam.load_tracker(name, weights=weights, stabilize=config)
+    tracker = load(name, config)
     rows = [evidence(tracker, clip) for clip in clips]
     names = [clip.name.split()[0] for clip, own in zip(clips, rows, strict=True) for _ in own]
     return np.concatenate(rows), names
@@ -108,10 +108,11 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trackers", default=TRACKERS)
+    parser.add_argument("--every", type=int, default=1, help="of so many clips take one")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     steady, shaken = (splices(sequences(), shake)[0] for shake in SHAKES)
-    clips = steady[::2] + shaken[1::2]
+    clips = (steady[::2] + shaken[1::2])[:: options.every]
     print("| tracker | weights, bias | area | right: 2, 10, 50 % | wrong: 50, 90 % |")
     print("|---|---|---|---|---|")
     for name in options.trackers.split(","):

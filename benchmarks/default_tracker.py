@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 
 import ssiam
-from shared_data import VIDEOS, WEIGHTS
+from loading import load
+from shared_data import VIDEOS
 from ssiam.video import open_source
 
 TRACKERS = ("lite", "csrt", "kcf", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3")
@@ -39,8 +40,7 @@ def pictures() -> tuple[list[np.ndarray], tuple[float, ...]]:
 
 def loaded(name: str, threads: int) -> ssiam.SteadiedTracker:
     """The tracker alone."""
-    weights = WEIGHTS / name.replace("_", "") if name.startswith("nano") else None
-    return ssiam.load_tracker(name, weights=weights, stabilize="off", threads=threads)
+    return load(name, "off", threads)
 
 
 def turn(tracker: ssiam.SteadiedTracker, images: list[np.ndarray], box: tuple[float, ...]) -> float:
@@ -58,12 +58,15 @@ def main() -> None:
     """Print a table for one thread and one for two."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=8)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--trackers", nargs="+", default=TRACKERS)
+    chosen = parser.parse_args()
+    rounds = chosen.rounds
+    names = dict.fromkeys((*chosen.trackers, "csrt"))
     images, box = pictures()
     for threads, limit in LIMITS.items():
         cv2.setNumThreads(threads)
-        trackers = {name: loaded(name, threads) for name in TRACKERS}
-        seconds = {name: [] for name in TRACKERS}
+        trackers = {name: loaded(name, threads) for name in names}
+        seconds = {name: [] for name in names}
         for _ in range(rounds):
             for name, tracker in trackers.items():
                 seconds[name].append(turn(tracker, images, box))
@@ -74,7 +77,7 @@ def main() -> None:
             print(
                 f"| {name} | {1e3 * np.median(own):.1f} | {1 / np.median(own):.0f} | {ratio:.1f} |"
             )
-        print(f"\nlimits for {TRACKERS[0]}: {limit} frames a second, {RATIO} times CSRT")
+        print(f"\nlimits for lite: {limit} frames a second, {RATIO} times CSRT")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How often a tracker tells that its target is gone, and finds it again.
 
     python benchmarks/lost_and_found.py [--trackers nanotrack_v3,csrt] [--stabilize off,paper]
-        [--shake 0.03] [--jobs 2] [--verbose]
+        [--data FOLDER] [--shake 0.03] [--jobs 2] [--verbose]
 
 The clips of benchmarks/splices.py: real sequences whose target is covered, out of the frame, or cut
 away for 1-3 s. Every tracker is started once, on the first frame. The aim: `lost` is told within
@@ -16,15 +16,16 @@ import argparse
 import shlex
 import sys
 from itertools import chain, product
+from pathlib import Path
 
 import cv2
 import joblib
 import numpy as np
 from numpy.typing import NDArray
 
-import ssiam
+from loading import load
 from lost_and_found_cases import NEVER, TELL, Case, judge
-from shared_data import WEIGHTS, sequences
+from shared_data import SEQUENCES, sequences
 from splice import Floats, Splice
 from splices import KINDS, splices
 from ssiam.stabilize import METHODS
@@ -52,8 +53,7 @@ HEAD = (
 def runs(name: str, stabilize: str, clips: list[Splice]) -> list[Case]:
     """One tracker over some clips."""
     cv2.setNumThreads(1)
-    weights = WEIGHTS / name.replace("_", "") if name.startswith("nanotrack") else None
-    tracker = ssiam.load_tracker(name, weights=weights, stabilize=stabilize)
+    tracker = load(name, stabilize)
     setting = f"{name} {stabilize}"
     return [judge(setting, clip, *followed(tracker.another(), clip)) for clip in clips]
 
@@ -114,6 +114,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--trackers", default="nanotrack_v3", help="names, with commas")
     parser.add_argument("--stabilize", default=METHODS[-1], help="methods, with commas")
     parser.add_argument("--kinds", default=",".join(KINDS), help="of clips, with commas")
+    parser.add_argument("--data", type=Path, default=SEQUENCES, help="folder of the sequences")
     parser.add_argument("--shake", type=float, default=0.0, help="sd, share of the width")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--verbose", action="store_true", help="a line for every case")
@@ -123,7 +124,7 @@ def arguments() -> argparse.Namespace:
 def main() -> None:
     """Print the table."""
     chosen = arguments()
-    clips, unfit = splices(sequences(), chosen.shake)
+    clips, unfit = splices(sequences(chosen.data), chosen.shake)
     settings = list(product(chosen.trackers.split(","), chosen.stabilize.split(",")))
     clips = [clip for clip in clips if clip.kind in chosen.kinds.split(",")]
     shares = [clips[part :: chosen.jobs] for part in range(chosen.jobs)]

@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 import ssiam
+from loading import load
 from shared_data import VIDEOS, WEIGHTS
 from ssiam.video import open_source
 
@@ -66,8 +67,7 @@ class Stepwise:
 
 def loaded(name: str, method: str) -> ssiam.SteadiedTracker:
     """A tracker on one thread."""
-    weights = WEIGHTS / name.replace("_", "") if name.startswith("nano") else None
-    return ssiam.load_tracker(name, weights=weights, stabilize=method, threads=1)
+    return load(name, method)
 
 
 def film(source: str, count: int, box: Box, size: str) -> tuple[list[np.ndarray], Box]:

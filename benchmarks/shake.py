@@ -24,6 +24,7 @@ from pathlib import Path
 
 import joblib
 
+from loading import PEERS
 from shake_measure import SETTINGS, chunk
 from shake_plot import draw
 from shake_report import MAIN, report
@@ -31,7 +32,7 @@ from shake_run import NO_SHAKE, Run, read_runs
 from shared_data import sequences
 from ssiam.datasets.camera_paths import SHAKE_KINDS
 
-TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt")
+TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt", *PEERS)
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)
 
 

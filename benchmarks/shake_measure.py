@@ -11,10 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-import ssiam
+from loading import load as load_any
 from shake_report import TRUE_MOTION
 from shake_run import NO_SHAKE, Run
-from shared_data import WEIGHTS, sequences
+from shared_data import sequences
 from ssiam.datasets import Sequence, Shake, shaken
 from ssiam.datasets.camera_paths import SHAKE_KINDS
 from ssiam.evaluation.lines import write_lines
@@ -96,11 +96,10 @@ def film(sequence: Sequence) -> Filmed:
 
 def load(tracker: str, setting: str) -> SteadiedTracker:
     """The tracker with a setting, by their names."""
-    weights = WEIGHTS / tracker.replace("_", "") if tracker.startswith("nanotrack") else None
     config = StabilizerConfig(setting if setting in METHODS else "predict")
     if setting.startswith(WITHOUT):
         config = replace(config, **{setting.removeprefix(WITHOUT): False})
-    return ssiam.load_tracker(tracker, weights=weights, stabilize=config, threads=1)
+    return load_any(tracker, config)
 
 
 def true_motions(out: Path, plain: Sequence, shaken_from_raw: np.ndarray) -> list[Motion]:

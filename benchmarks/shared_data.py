@@ -15,11 +15,13 @@ from ssiam.datasets import Sequence, open_dataset
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 SEQUENCES = SHARED / "data" / "sequences"
 WEIGHTS = SHARED / "data" / "weights"
+RESERVE = SHARED / "data" / "reserve"  # reports, and chooses nothing
+MOT = SHARED / "data" / "mot"
 VIDEOS = SHARED / "data" / "videos"
 
 
-def sequences(*, as_published: bool = False) -> Mapping[str, Sequence]:
-    """The real sequences by name, 0-based unless `as_published`."""
-    if not SEQUENCES.is_dir():
-        raise SystemExit(f"{SEQUENCES} is absent: set SSIAM_SHARED to the folder of the test data")
-    return open_dataset(SEQUENCES, as_published=as_published).sequences
+def sequences(folder: Path = SEQUENCES, *, as_published: bool = False) -> Mapping[str, Sequence]:
+    """The real sequences of a folder by name, 0-based unless `as_published`."""
+    if not folder.is_dir():
+        raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")
+    return open_dataset(folder, as_published=as_published).sequences

@@ -1,5 +1,7 @@
 """`ssiam bench`: what it prints, and what it says to wrong arguments."""
 
+import json
+
 import pytest
 
 from ssiam.cli import main
@@ -39,6 +41,28 @@ def test_a_failed_run_is_told_and_the_others_are_kept(tmp_path, capsys):
     assert "clip1" in error
     assert len(error.splitlines()) == 1
     assert len(list(out.rglob("clip0_001.txt"))) == 2
+
+
+def test_a_clip_of_motchallenge_is_run_and_scored_object_by_object(tmp_path, capsys):
+    clip = write_dataset(tmp_path / "data", sequences=1, frames=6) / "clip0"
+    boxes = (clip / "groundtruth_rect.txt").read_text().splitlines()
+    lines = [f"{t},{i},{box},1,1,1" for t, box in enumerate(boxes, 1) for i in (3, 7) if t + i > 5]
+    (clip / "groundtruth_rect.txt").unlink()
+    (clip / "img").rename(clip / "img1")
+    (clip / "gt").mkdir()
+    (clip / "gt" / "gt.txt").write_text("\n".join(lines))
+    out, arguments = tmp_path / "out", ["--trackers", "kcf", "--stabilize", "off"]
+    command = ["bench", str(clip), "--out", str(out), *arguments, "--protocol", "ope"]
+    assert main(command) == 0
+    results = {path.stem: path for path in (out / "kcf-off" / "ope").iterdir()}
+    assert set(results) == {"clip0-3", "clip0-7"}
+    counts = [len(results[name].read_text().splitlines()) for name in sorted(results)]
+    assert counts == [4, 6]
+    capsys.readouterr()
+    assert main(["eval", str(out), "--dataset", str(clip), "--experiment", "ope", "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)["trackers"]["kcf-off"]
+    assert figures["sequences"] == 2
+    assert figures["success"] > 0.3
 
 
 WRONG = {
