@@ -22,10 +22,13 @@ from numpy.typing import NDArray
 from ssiam.video.ending import Ending
 from ssiam.video.frames import DeepPicture, SourceFacts
 from ssiam.video.orientation import orientation_of
-from ssiam.video.rates import Times
+from ssiam.video.rates import DEFAULT_FPS, Times
 
 _log = logging.getLogger(__name__)
 
+# Containers that hold decoding times only. What FFmpeg makes of them for presentation is out of
+# order with B-frames, and late by a frame without; frames come out of decoders at them.
+_DECODING_TIMES = ("avi", "asf")
 # Layouts of gray that are taken over in their own depth; others of more than 8 bits as 16.
 _DEEP_GRAY = ("gray9", "gray10", "gray12", "gray14", "gray16", "grayf32")
 
@@ -43,15 +46,16 @@ class Decoding:
     def pictures(self) -> Iterator[DeepPicture]:
         """Every picture of the stream with its seconds since the first."""
         origin: Fraction | None = None
+        last: Fraction | None = None
         started: float | None = None
         for packet in _packets(self):
             for frame in self._frames(packet):
                 self.ending.note_frame(frame)
-                now = time.monotonic()
+                now, last = time.monotonic(), self._seconds(frame, last)
                 if started is None:
-                    started, origin = now, _seconds(frame)
+                    started, origin = now, last
                     self._note_first(frame, origin)
-                yield self._time(frame, origin, now - started), _upright(frame)
+                yield self._time(last, origin, now - started), _upright(frame)
 
     def _frames(self, packet: Packet[Stream]) -> list[VideoFrame]:
         """Frames that a packet completes; none for a damaged one, after which decoders recover."""
@@ -70,11 +74,23 @@ class Decoding:
         if self.facts.sound is not None:
             self.facts.sound.origin = origin
 
-    def _time(self, frame: VideoFrame, origin: Fraction | None, arrived: float) -> float | None:
+    def _time(
+        self, seconds: Fraction | None, origin: Fraction | None, arrived: float
+    ) -> float | None:
         if self.times is Times.STREAM:
-            seconds = _seconds(frame)
             return None if seconds is None or origin is None else float(seconds - origin)
         return arrived if self.times is Times.ARRIVAL else None
+
+    def _seconds(self, frame: VideoFrame, last: Fraction | None) -> Fraction | None:
+        """Time of a frame, after one at `last`, by the clock of the container."""
+        if self.container.format.name not in _DECODING_TIMES:
+            ticks = frame.pts
+        elif frame.dts is None and last is not None:
+            # The last frames, which the decoder gives out when no more packets come.
+            return last + 1 / (self.stream.guessed_rate or DEFAULT_FPS)
+        else:
+            ticks = frame.dts
+        return None if ticks is None or frame.time_base is None else ticks * frame.time_base
 
 
 def _packets(decoding: Decoding) -> Iterator[Packet[Stream]]:
@@ -97,12 +113,6 @@ def _packets(decoding: Decoding) -> Iterator[Packet[Stream]]:
             damaged = packet if packet.is_corrupt else None
             if damaged is None:
                 yield packet
-
-
-def _seconds(frame: VideoFrame) -> Fraction | None:
-    if frame.pts is None or frame.time_base is None:
-        return None
-    return frame.pts * frame.time_base
 
 
 def _upright(frame: VideoFrame) -> NDArray[Any]:

@@ -62,11 +62,16 @@ def frame_rate(stream: VideoStream, *, is_recording: bool) -> Rate:
     """
     nominal, average = stream.guessed_rate, stream.average_rate
     if nominal and average and abs(nominal / average - 1) <= _TOLERANCE:
-        return Rate(nominal)
+        return Rate(nominal, is_variable=not _fits(stream.base_rate, nominal))
     if is_recording and nominal and average and average < nominal:
         return Rate(average, is_variable=True)
     believable = [rate for rate in (nominal, average) if rate and rate <= _HIGHEST_NOMINAL]
     return Rate(believable[0]) if believable else Rate(None, is_variable=True)
+
+
+def _fits(base: Fraction | None, nominal: Fraction) -> bool:
+    """Whether the grid on which all times lie is that of the frames, or of their fields."""
+    return not base or any(abs(base / (n * nominal) - 1) <= _TOLERANCE for n in (1, 2))
 
 
 def measured_rate(times: list[float | None]) -> Fraction | None:

@@ -16,6 +16,8 @@ from av.stream import Stream
 
 # Seconds by which frames may leave their own time, by rounding, before the sound follows them.
 _SLACK = 0.02
+# Sound that FFmpeg puts into a container without complaint, and whose times are lost in it.
+_UNFIT = {"avi": ("vorbis", "opus")}
 
 
 class Sound:
@@ -60,6 +62,11 @@ class Sound:
         return None
 
 
+def _codec(stream: AudioStream) -> str:
+    """Its name; PyAV has no context for what FFmpeg cannot decode."""
+    return "unknown" if stream.codec_context is None else stream.codec_context.codec.canonical_name
+
+
 class SoundCopy:
     """Copies sound into a container beside the video that is written.
 
@@ -68,16 +75,11 @@ class SoundCopy:
     container : OutputContainer
         The streams are added to it; it must not have been begun.
     sound : Sound
-
-    Attributes
-    ----------
-    refused : list of str
-        Names of the codecs that the container cannot hold; their streams are left out.
     """
 
     def __init__(self, container: OutputContainer, sound: Sound) -> None:
         self._container, self._sound = container, sound
-        self.refused: list[str] = []
+        self._refused: list[str] = []
         self._written: dict[int, AudioStream] = {}
         self._last_dts: dict[int, int] = {}
         self._shift = 0.0
@@ -85,12 +87,24 @@ class SoundCopy:
             self._add(stream)
 
     def _add(self, stream: AudioStream) -> None:
-        name = "?" if stream.codec_context is None else stream.codec_context.codec.canonical_name
-        if name in self._container.supported_codecs:
+        name = _codec(stream)
+        is_known = name in self._container.supported_codecs
+        if is_known and name not in _UNFIT.get(self._container.format.name, ()):
             with suppress(av.FFmpegError, ValueError):
                 self._written[stream.index] = self._container.add_stream_from_template(stream)
                 return
-        self.refused.append(name)
+        self._refused.append(name)
+
+    def silence(self, suffix: str, *, begun: bool = True) -> str | None:
+        """Why sound is left out of a file with this suffix, None if all of it is in it.
+
+        `begun` is False if the container took the streams but could not begin with them.
+        """
+        refused = self._refused if begun else [_codec(stream) for stream in self._sound.streams]
+        if not refused:
+            return None
+        advice = "" if suffix.lower() == ".mkv" else "; .mkv holds most kinds"
+        return f"{suffix} cannot hold {', '.join(dict.fromkeys(refused))} as it is{advice}"
 
     def follow(self, source_time: float, written_time: float) -> None:
         """Write the sound up to a frame, which is at these seconds in the source and the file."""
