@@ -48,8 +48,22 @@ class Outputs:
                 open_results(results, layout=layout, targets=targets)
             )
             self._plot = plot and stack.enter_context(PathPlot(plot, config.window))
-            self._video = video and stack.enter_context(VideoSink(video, fps=source.fps))
+            self._video = video and stack.enter_context(_video_sink(video, source))
             self._stack = stack.pop_all()
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is not in the video, a line each; complete after the outputs are closed."""
+        if not self._video:
+            return []
+        silence, left_out = self._video.silence, self._video.left_out
+        lines = [f"video: has no sound: {silence}"] if silence else []
+        if left_out:
+            lines.append(
+                f"video: {left_out} frames are left out, which come faster than the one rate of "
+                "an AVI; write .mp4 or .mkv to have all"
+            )
+        return lines
 
     def write(self, frame: Frame, tracks: Sequence[Track], fps: float | None = None) -> None:
         """Write one frame and its targets."""
@@ -78,3 +92,14 @@ class Outputs:
         stab_from_raw = tracks[0].stab_from_raw
         view = FrameView(drawn, IDENTITY if stab_from_raw is None else stab_from_raw, self._border)
         return side_by_side(drawn, view.render())
+
+
+def _video_sink(path: Path, source: Source) -> VideoSink:
+    facts = source.facts
+    return VideoSink(
+        path,
+        source.fps,
+        pixel_aspect=facts.pixel_aspect,
+        is_variable=facts.is_variable,
+        sound=facts.sound,
+    )

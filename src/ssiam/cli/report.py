@@ -108,8 +108,8 @@ class Report:
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw
 
-    def show(self, written: Mapping[str, Path | None]) -> None:
-        """Print the summary."""
+    def show(self, written: Mapping[str, Path | None], remarks: Sequence[str] = ()) -> None:
+        """Print the summary, and under it a line for each of the `remarks`."""
         tracked = max(self._frames - 1, 1)
         speed = tracked / self.clock.total if self.clock.total else 0.0
         print(f"tracked {self._frames} frames of {self._title}: {speed:.0f} fps")
@@ -124,3 +124,5 @@ class Report:
         for kind, path in written.items():
             if path is not None:
                 print(f"  {kind}: {path}")
+        for remark in remarks:
+            print(f"  {remark}")

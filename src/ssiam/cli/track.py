@@ -10,10 +10,11 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import levels as parsed_levels
 from ssiam.cli.choice import RUNNING, STEADYING, TARGET, TrackerChoice
 from ssiam.cli.outputs import Outputs
 from ssiam.cli.report import Progress, Report
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, StreamError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import Track, TrackerGroup
@@ -39,6 +40,8 @@ def track(
     plot: Annotated[Path | None, Parameter(group=_OUTPUT)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
     raw: Annotated[str | None, Parameter(group=RUNNING)] = None,
+    stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNNING)] = None,
     choice: TrackerChoice = _CHOICE,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
 ) -> None:
@@ -56,7 +59,7 @@ def track(
         Target in the first frame: x,y,width,height in pixels, x and y its top left corner.
         Give it again for each further target.
     out
-        Video to write: .mp4 (H.264), .mkv or .avi.
+        Video to write: .mp4 (H.264), .mkv or .avi. The source's sound is copied into it.
     results
         File of results to write: .csv, .jsonl or .txt.
     layout
@@ -67,14 +70,29 @@ def track(
         Show the steadied view beside the raw frame in the video.
     raw
         Size, layout and rate of headerless frames: 640x360,bgr24,30.
+    stream
+        Which video stream of a source with several, from 0; unless given, the one with the most
+        pixels.
+    levels
+        Values to be shown as black and white, of sources with more than 8 bits a value, such as
+        thermal cameras: 7000,8500. Unless given, the first frames tell.
     """
     boxes = [_box(text) for text in box]
+    is_named = out is not None or results is not None or plot is not None
     with ExitStack() as stack:
-        frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
+        frames = stack.enter_context(
+            open_source(
+                source,
+                raw=_raw_format(raw),
+                stream=stream,
+                levels=parsed_levels(levels),
+                sound=out is not None or not is_named,
+            )
+        )
         first = next(frames)
         group = TrackerGroup(choice.load(config))
         group.init(first.image, boxes)
-        if out is None and results is None and plot is None:
+        if not is_named:
             out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
         outputs = Outputs(
             frames,
@@ -87,9 +105,24 @@ def track(
             targets=len(boxes),
         )
         report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
-        stack.callback(report.show, outputs.written)
+        stack.callback(lambda: report.show(outputs.written, _remarks(frames, outputs)))
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
+    if frames.facts.undecoded:
+        raise StreamError(
+            f"{frames.name}: {_undecoded(frames)}; what came before and after them was tracked"
+        )
+
+
+def _remarks(frames: Source, outputs: Outputs) -> list[str]:
+    """What the user should know of the source and the outputs, a line each."""
+    lost = [_undecoded(frames)] if frames.facts.undecoded else []
+    return [*(f"source: {line}" for line in (*frames.facts.remarks, *lost)), *outputs.remarks]
+
+
+def _undecoded(frames: Source) -> str:
+    count = frames.facts.undecoded
+    return f"{count} frame{'s' * (count > 1)} of it could not be decoded and are left out"
 
 
 def _follow(

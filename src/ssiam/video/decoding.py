@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Generator, Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeAlias
 
 import av
 import numpy as np
@@ -19,12 +18,16 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from ssiam.video.arrivals import arriving
 from ssiam.video.ending import Ending
 from ssiam.video.frames import DeepPicture, SourceFacts
 from ssiam.video.orientation import orientation_of
 from ssiam.video.rates import DEFAULT_FPS, Times
 
 _log = logging.getLogger(__name__)
+
+# A packet, and the second by this machine's clock at which it came, where that is of use.
+Arrived: TypeAlias = tuple[Packet[Stream], float]
 
 # Containers that hold decoding times only. What FFmpeg makes of them for presentation is out of
 # order with B-frames, and late by a frame without; frames come out of decoders at them.
@@ -48,14 +51,14 @@ class Decoding:
         origin: Fraction | None = None
         last: Fraction | None = None
         started: float | None = None
-        for packet in _packets(self):
+        for packet, arrived in _packets(self):
             for frame in self._frames(packet):
                 self.ending.note_frame(frame)
-                now, last = time.monotonic(), self._seconds(frame, last)
+                last = self._seconds(frame, last)
                 if started is None:
-                    started, origin = now, last
+                    started, origin = arrived, last
                     self._note_first(frame, origin)
-                yield self._time(last, origin, now - started), _upright(frame)
+                yield self._time(last, origin, arrived - started), _upright(frame)
 
     def _frames(self, packet: Packet[Stream]) -> list[VideoFrame]:
         """Frames that a packet completes; none for a damaged one, after which decoders recover."""
@@ -93,16 +96,16 @@ class Decoding:
         return None if ticks is None or frame.time_base is None else ticks * frame.time_base
 
 
-def _packets(decoding: Decoding) -> Iterator[Packet[Stream]]:
-    """Packets of the stream, without a cut one at the very end.
+def _packets(decoding: Decoding) -> Iterator[Arrived]:
+    """Packets of the stream and when they arrived, without a cut one at the very end.
 
     A decoder with threads that meets an error while it is emptied drops the good frames it holds.
     """
-    damaged: Packet[Stream] | None = None
+    damaged: Arrived | None = None
     sound = decoding.facts.sound
     # After the last packet PyAV stumbles over streams that turned up in the middle of the file.
-    with suppress(IndexError):
-        for packet in decoding.container.demux():
+    with suppress(IndexError), closing(_demuxed(decoding)) as demuxed:
+        for packet, arrived in demuxed:
             decoding.ending.note_packet(packet)
             if sound is not None:
                 sound.note(packet)
@@ -110,9 +113,17 @@ def _packets(decoding: Decoding) -> Iterator[Packet[Stream]]:
                 continue
             if damaged is not None and packet.size:
                 yield damaged
-            damaged = packet if packet.is_corrupt else None
+            damaged = (packet, arrived) if packet.is_corrupt else None
             if damaged is None:
-                yield packet
+                yield packet, arrived
+
+
+def _demuxed(decoding: Decoding) -> Generator[Arrived, None, None]:
+    packets = decoding.container.demux()
+    if decoding.times is Times.ARRIVAL:
+        yield from arriving(packets)
+    else:
+        yield from ((packet, 0.0) for packet in packets)
 
 
 def _upright(frame: VideoFrame) -> NDArray[Any]:
