@@ -194,9 +194,9 @@ def _pictures(given: Input, decoding: Decoding, length: int | None) -> DeepPictu
     """Pictures of a stream to its end; `StreamError` after the last one if that came too early."""
     count = 0
     fault = None
-    with decoding.container:
+    with decoding.container, closing(decoding.pictures()) as pictures:
         try:
-            for picture in decoding.pictures():
+            for picture in pictures:
                 yield picture
                 count += 1
         except (av.FFmpegError, OSError, ValueError) as error:

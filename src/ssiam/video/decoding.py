@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from ssiam.video.arrivals import arriving
 from ssiam.video.ending import Ending
-from ssiam.video.frames import DeepPicture, SourceFacts
+from ssiam.video.frames import DeepPictures, SourceFacts
 from ssiam.video.orientation import orientation_of
 from ssiam.video.rates import DEFAULT_FPS, Times
 
 _log = logging.getLogger(__name__)
 
 # A packet, and the second by this machine's clock at which it came, where that is of use.
-Arrived: TypeAlias = tuple[Packet[Stream], float]
+Arrived: TypeAlias = "tuple[Packet[Stream], float]"
 
 # Containers that hold decoding times only. What FFmpeg makes of them for presentation is out of
 # order with B-frames, and late by a frame without; frames come out of decoders at them.
@@ -46,19 +46,20 @@ class Decoding:
     facts: SourceFacts
     times: Times = Times.STREAM
 
-    def pictures(self) -> Iterator[DeepPicture]:
+    def pictures(self) -> DeepPictures:
         """Every picture of the stream with its seconds since the first."""
         origin: Fraction | None = None
         last: Fraction | None = None
         started: float | None = None
-        for packet, arrived in _packets(self):
-            for frame in self._frames(packet):
-                self.ending.note_frame(frame)
-                last = self._seconds(frame, last)
-                if started is None:
-                    started, origin = arrived, last
-                    self._note_first(frame, origin)
-                yield self._time(last, origin, arrived - started), _upright(frame)
+        with closing(_packets(self)) as packets:
+            for packet, arrived in packets:
+                for frame in self._frames(packet):
+                    self.ending.note_frame(frame)
+                    last = self._seconds(frame, last)
+                    if started is None:
+                        started, origin = arrived, last
+                        self._note_first(frame, origin)
+                    yield self._time(last, origin, arrived - started), _upright(frame)
 
     def _frames(self, packet: Packet[Stream]) -> list[VideoFrame]:
         """Frames that a packet completes; none for a damaged one, after which decoders recover."""
@@ -96,7 +97,7 @@ class Decoding:
         return None if ticks is None or frame.time_base is None else ticks * frame.time_base
 
 
-def _packets(decoding: Decoding) -> Iterator[Arrived]:
+def _packets(decoding: Decoding) -> Generator[Arrived, None, None]:
     """Packets of the stream and when they arrived, without a cut one at the very end.
 
     A decoder with threads that meets an error while it is emptied drops the good frames it holds.
