@@ -30,6 +30,8 @@ _LOW_PERCENT, _HIGH_PERCENT, _MARGIN = 0.1, 99.9, 0.05
 _SAMPLES = 20_000
 # Whole values; a frame with fewer between its percentiles shows nothing, as a closed shutter.
 _LEAST_RANGE = 8
+# What a frame that shows nothing becomes.
+_NOTHING = 128
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,20 @@ class Levels:
         return np.asarray(np.clip(np.nan_to_num(shares) + 0.5, 0, 255), dtype=np.uint8)
 
 
+def in_eight_bits(image: NDArray[Any], levels: Levels | None) -> Image:
+    """(H, W, 3) uint8 BGR; mid-gray if the image is deeper and there are no levels for it."""
+    if levels is None and image.dtype != np.uint8:
+        return np.full((*image.shape[:2], 3), _NOTHING, np.uint8)
+    return (levels or _ANY).applied(image)
+
+
 def levels_of(images: Iterable[NDArray[Any]]) -> Levels | None:
-    """Levels for a sequence that begins with `images`; None if all of them show nothing."""
-    samples = np.concatenate([_sampled(image) for image in images])
+    """Levels for a sequence that begins with `images`; None if all of them show nothing.
+
+    Those of 8 bits do not count.
+    """
+    sampled = [_sampled(image) for image in images if image.dtype != np.uint8]
+    samples = np.concatenate(sampled) if sampled else np.empty(0)
     if not samples.size:
         return None
     low, high = (float(value) for value in np.percentile(samples, (_LOW_PERCENT, _HIGH_PERCENT)))
@@ -124,7 +137,7 @@ class _Stretch:
         """The pictures that are ready with this one."""
         time, image = picture
         if self._levels is not None or (image.dtype == np.uint8 and not self._held):
-            return [(time, (self._levels or _ANY).applied(image))]
+            return [(time, in_eight_bits(image, self._levels))]
         self._held.append(picture)
         return self.rest() if len(self._held) >= self._frames else []
 
@@ -133,16 +146,13 @@ class _Stretch:
         held, self._held = self._held, []
         if not held:
             return []
-        deep = [image for _, image in held if image.dtype != np.uint8]
-        self._levels = levels_of(deep)
-        if self._levels is None:
-            return [(time, np.full((*image.shape[:2], 3), 128, np.uint8)) for time, image in held]
-        low, high = self._levels.low, self._levels.high
-        self._facts.remarks.append(
-            f"values from {low:.5g} to {high:.5g} are shown as 0 to 255; "
-            f"choose others with --levels {low:.5g},{high:.5g}"
-        )
-        return [(time, self._levels.applied(image)) for time, image in held]
+        self._levels = levels_of(image for _, image in held)
+        if self._levels is not None:
+            shown = f"{self._levels.low:.5g},{self._levels.high:.5g}"
+            self._facts.remarks.append(
+                f"has more than 8 bits a value: shown as with --levels {shown}"
+            )
+        return [(time, in_eight_bits(image, self._levels)) for time, image in held]
 
 
 # For images that have 8 bits.
