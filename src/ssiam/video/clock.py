@@ -49,12 +49,9 @@ class Clock:
 
     def place(self, time: float | None = None) -> int | None:
         """`ticks`, or None for a frame that comes too soon after others to be shown in time."""
-        if self._may_refuse and time is not None and self._last is not None:
-            told = round(time / self.time_base) - (self._origin or 0)
-            if (
-                self._origin is not None
-                and self._last - _JUMP_STEPS * self._step <= told < self._last
-            ):
+        if self._may_refuse and time is not None and None not in (self._last, self._origin):
+            last, due = self._last or 0, time / self.time_base - (self._origin or 0)
+            if last - _JUMP_STEPS * self._step <= due < last:
                 return None
         return self.ticks(time)
 
