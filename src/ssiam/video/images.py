@@ -40,7 +40,7 @@ def page_count(path: Path) -> int:
         head = file.read(32)
         if head[:4] in _TIFF_MAGIC:
             return max(1, _tiff_pages(file, head))
-    return cv2.imcount(str(path)) if _is_animated_webp(head) else 1
+    return max(1, cv2.imcount(str(path))) if _is_animated_webp(head) else 1
 
 
 def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:

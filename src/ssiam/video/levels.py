@@ -77,18 +77,26 @@ def in_eight_bits(image: NDArray[Any], levels: Levels | None) -> Image:
 def levels_of(images: Iterable[NDArray[Any]]) -> Levels | None:
     """Levels for a sequence that begins with `images`; None if all of them show nothing.
 
-    Those of 8 bits do not count.
+    Those of 8 bits do not count, nor those that show nothing.
     """
     sampled = [_sampled(image) for image in images if image.dtype != np.uint8]
-    samples = np.concatenate(sampled) if sampled else np.empty(0)
+    shown = [samples for samples in sampled if _range_of(samples) is not None]
+    found = _range_of(np.concatenate(shown)) if shown else None
+    if found is None:
+        return None
+    low, high = found
+    margin = _MARGIN * (high - low)
+    return Levels(low - margin, high + margin)
+
+
+def _range_of(samples: NDArray[Any]) -> tuple[float, float] | None:
+    """Darkest and brightest of some values, without outliers; None if they are as good as one."""
     if not samples.size:
         return None
     low, high = (float(value) for value in np.percentile(samples, (_LOW_PERCENT, _HIGH_PERCENT)))
     is_whole = np.issubdtype(samples.dtype, np.integer)
-    if high - low < _LEAST_RANGE if is_whole else high <= low:
-        return None
-    margin = _MARGIN * (high - low)
-    return Levels(low - margin, high + margin)
+    shows_nothing = high - low < _LEAST_RANGE if is_whole else high <= low
+    return None if shows_nothing else (low, high)
 
 
 def _sampled(image: NDArray[Any]) -> NDArray[Any]:
