@@ -31,7 +31,7 @@ def live(
     pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE)] = "clock",
     recordings: Annotated[Path | None, Parameter(group=_PAGE)] = None,
     stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
-    levels: Annotated[str | None, Parameter(group=RUNNING)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNNING, allow_leading_hyphen=True)] = None,
     mavlink: Annotated[str | None, Parameter(group=_MACHINES)] = None,
     rerun: Annotated[Path | None, Parameter(group=_MACHINES)] = None,
     choice: TrackerChoice = _CHOICE,

@@ -41,7 +41,7 @@ def track(
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
     raw: Annotated[str | None, Parameter(group=RUNNING)] = None,
     stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
-    levels: Annotated[str | None, Parameter(group=RUNNING)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNNING, allow_leading_hyphen=True)] = None,
     choice: TrackerChoice = _CHOICE,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
 ) -> None:

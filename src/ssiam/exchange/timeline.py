@@ -66,6 +66,9 @@ def _fps(nominal: float | Fraction, times: list[float], gap: float) -> float | F
     """The lowest of some rates at which each of the `times` is nearest to its own number."""
     mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else nominal
     for fps in (nominal, Fraction(mean).limit_denominator(1001), Fraction(round(1 / gap))):
-        if fps and max(abs(t * fps - round(t * fps)) / fps for t in times) < _NEAREST * gap:
+        if (
+            0 < fps <= _HIGHEST_FPS
+            and max(abs(t * fps - round(t * fps)) / fps for t in times) < _NEAREST * gap
+        ):
             return fps
     return min(_HIGHEST_FPS, math.ceil(2 / gap))
