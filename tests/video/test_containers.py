@@ -279,3 +279,18 @@ def test_frames_without_times_have_no_sound_and_keep_none(tmp_path):
 def test_without_sound_nothing_is_said(tmp_path):
     sink = _copied(write_clip(tmp_path / "a.mp4", 5), tmp_path / "o.mp4")
     assert sink.silence is None
+
+
+@pytest.mark.parametrize("out", ["o.mp4", "o.mkv"])
+def test_damaged_sound_does_not_end_the_video(tmp_path, out):
+    path = with_sound(tmp_path / "a.ts", "aac")
+    with av.open(str(path)) as container:
+        index = container.streams.audio[0].id
+    data = bytearray(path.read_bytes())
+    for start in range(188 * 40, len(data) - 188, 188):
+        identifier = (data[start + 1] & 0x1F) << 8 | data[start + 2]
+        if identifier == index and not data[start + 1] & 0x40:
+            data[start + 4 : start + 188] = bytes(range(184))
+    path.write_bytes(data)
+    _copied(path, tmp_path / out)
+    assert len(decoded(tmp_path / out)) == 50

@@ -188,6 +188,14 @@ def _by_number(path):
     return times
 
 
+def test_avi_of_variable_rate_without_times_has_its_rate(tmp_path):
+    path = tmp_path / "out.avi"
+    with VideoSink(path, 25, is_variable=True) as sink:
+        assert [sink.write(picture(number)) for number in range(5)] == [0, 0.04, 0.08, 0.12, 0.16]
+    with av.open(str(path)) as container:
+        assert container.duration / av.time_base == pytest.approx(0.2)
+
+
 def test_avi_of_constant_rate_stays_as_it_is(tmp_path):
     with VideoSink(tmp_path / "out.avi", 25) as sink:
         for number in range(30):

@@ -115,10 +115,9 @@ class VideoSink:
             known = " ".join(_FORMATS)
             raise SinkError(f"{self.path}: unknown kind of video; name it with one of {known}")
         check_output(self.path)
-        if muxer == "avi" and is_variable:
-            self._rate *= max(1, math.ceil(_AVI_GRID / self._rate))
         self._is_constant = muxer == "avi"
-        self._clock = Clock(self._rate, only_whole_frames=self._is_constant)
+        parts = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
+        self._clock = Clock(self._rate, only_whole_frames=self._is_constant, parts=parts)
         self._last: tuple[int, Image] | None = None
         self._container = _create(self.path, muxer)
         self._stream: VideoStream | None = None
@@ -148,7 +147,7 @@ class VideoSink:
             if self._stream is None:
                 self._stream = self._begin(self._frame(yuv, ticks), has_time=time is not None)
             if self._is_constant:
-                self._repeat_until(ticks)
+                self._repeat_until(self._stream, ticks)
                 self._last = ticks, yuv
             self._container.mux(self._stream.encode(self._frame(yuv, ticks)))
             if self._copy is not None and time is not None:
@@ -163,14 +162,14 @@ class VideoSink:
         frame.pts, frame.time_base = ticks, self._clock.time_base
         return frame
 
-    def _repeat_until(self, ticks: int) -> None:
-        """Fill the gap before a frame with the one that is seen in it."""
-        if self._last is None or self._stream is None:
+    def _repeat_until(self, stream: VideoStream, ticks: int) -> None:
+        """Fill the gap after the last frame with it, where the container has one rate."""
+        if self._last is None:
             return
         last, yuv = self._last
         if (ticks - last) * self._clock.time_base <= _AVI_LONGEST:
             for between in range(last + 1, ticks):
-                self._container.mux(self._stream.encode(self._frame(yuv, between)))
+                self._container.mux(stream.encode(self._frame(yuv, between)))
 
     def _begin(self, frame: VideoFrame, *, has_time: bool) -> VideoStream:
         """Add the streams, sound as far as the container takes it, and write the header."""
@@ -193,7 +192,8 @@ class VideoSink:
         return stream
 
     def _add_video(self, frame: VideoFrame) -> VideoStream:
-        return _add_stream(self._container, self._rate, self._clock, frame, self._pixel_aspect)
+        rate = 1 / self._clock.time_base if self._is_constant else self._rate
+        return _add_stream(self._container, rate, self._clock, frame, self._pixel_aspect)
 
     def _begin_anew(self, frame: VideoFrame) -> VideoStream:
         """The file without sound, where the container refused that with its header."""
@@ -207,6 +207,7 @@ class VideoSink:
         stream, self._stream = self._stream, None
         try:
             if stream is not None and not self._failed:
+                self._repeat_until(stream, self._clock.end)
                 self._container.mux(stream.encode(None))
                 if self._copy is not None:
                     self._copy.write_until(float(self._clock.end * self._clock.time_base))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -13,6 +14,8 @@ from av.audio.stream import AudioStream
 from av.container import OutputContainer
 from av.packet import Packet
 from av.stream import Stream
+
+_log = logging.getLogger(__name__)
 
 # Seconds by which frames may leave their own time, by rounding, before the sound follows them.
 _SLACK = 0.02
@@ -129,4 +132,8 @@ class SoundCopy:
             return
         self._last_dts[index] = dts
         packet.pts, packet.dts, packet.stream = pts, dts, stream
-        self._container.mux_one(packet)
+        try:
+            self._container.mux_one(packet)
+        except (av.error.InvalidDataError, av.error.ArgumentError) as error:
+            # Damaged sound is no reason to end the video.
+            _log.debug("skipped a packet of sound that cannot be copied: %s", error.strerror)
