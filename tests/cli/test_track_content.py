@@ -9,8 +9,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from test_containers import _anamorphic, _displayed_aspect, _with_preview, with_sound
-from test_stacks import scratched
+from odd_clips import anamorphic, displayed_aspect, scratched, with_preview, with_sound
 from tracked_clip import rows_of
 
 from ssiam.cli import main
@@ -58,13 +57,13 @@ def test_results_alone_keep_no_sound(tmp_path, capsys):
 
 
 def test_pixel_aspect_is_kept(tmp_path):
-    _anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
+    anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
     assert main(["track", "dv.mp4", *BOX, "--out", "o.mkv"]) == 0
-    assert _displayed_aspect("o.mkv") == _displayed_aspect("dv.mp4")
+    assert displayed_aspect("o.mkv") == displayed_aspect("dv.mp4")
 
 
 def test_stream_is_chosen_and_exported(tmp_path, capsys):
-    _with_preview(tmp_path / "two.mkv")
+    with_preview(tmp_path / "two.mkv")
     for stream, size_wh in (([], (320, 192)), (["--stream", "0"], (128, 32))):
         box = ["--box", "10,5,20,20", "--tracker", "kcf"]
         assert main(["track", "two.mkv", *box, *stream, "--results", "r.csv"]) == 0

@@ -11,12 +11,17 @@ import cv2
 import numpy as np
 import pytest
 from clips import decoded, number_in, picture, write_clip
-from test_sources import _set_display_matrix
+from odd_clips import (
+    SAMPLES,
+    anamorphic,
+    displayed_aspect,
+    set_display_matrix,
+    with_preview,
+    with_sound,
+)
 
 from ssiam.errors import SourceError
 from ssiam.video import VideoSink, open_source
-
-SAMPLES = 48000
 
 ORIENTATIONS = [
     # matrix a, b, c, d of the track header; what it does to an image
@@ -38,7 +43,7 @@ def test_every_display_matrix_is_applied(tmp_path, matrix, expected):
     path = write_clip(tmp_path / "phone.mp4", 2)
     with open_source(path) as source:
         stored = next(source).image
-    _set_display_matrix(path, matrix)
+    set_display_matrix(path, matrix)
     with open_source(path) as source:
         assert np.array_equal(next(source).image, expected(stored))
 
@@ -65,65 +70,29 @@ def test_frames_are_as_ffmpeg_shows_them(tmp_path, flags):
     assert np.abs(got - expected).mean() < 2
 
 
-def _anamorphic(path, aspect):
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        stream.codec_context.sample_aspect_ratio = aspect
-        for number in range(3):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    return path
-
-
-def _displayed_aspect(path):
-    with av.open(str(path)) as container:
-        stream = container.streams.video[0]
-        return Fraction(stream.width, stream.height) * (stream.sample_aspect_ratio or 1)
-
-
 @pytest.mark.parametrize("name", ["out.mp4", "out.mov", "out.mkv", "out.avi"])
 def test_video_displays_as_its_source(tmp_path, name):
-    given = _anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
+    given = anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
     with open_source(given) as source:
         aspect = source.facts.pixel_aspect
         assert aspect == Fraction(16, 15)
         with VideoSink(tmp_path / name, source.fps, pixel_aspect=aspect) as sink:
             for frame in source:
                 sink.write(frame.image, frame.time)
-    assert _displayed_aspect(tmp_path / name) == _displayed_aspect(given)
+    assert displayed_aspect(tmp_path / name) == displayed_aspect(given)
 
 
 def test_pixels_of_turned_videos_are_turned(tmp_path):
-    path = _anamorphic(tmp_path / "turned.mp4", Fraction(4, 3))
-    _set_display_matrix(path, (0, 1, -1, 0))
+    path = anamorphic(tmp_path / "turned.mp4", Fraction(4, 3))
+    set_display_matrix(path, (0, 1, -1, 0))
     with open_source(path) as source:
         assert source.size_wh == (96, 160)
         assert source.facts.pixel_aspect == Fraction(3, 4)
 
 
-def _with_preview(path):
-    """A small stream of other numbers first, as some cameras write it."""
-    with av.open(str(path), "w") as container:
-        streams = []
-        for width, height in ((128, 32), (320, 192)):
-            stream = container.add_stream("libx264", rate=25)
-            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-            streams.append(stream)
-        for number in range(5):
-            for shift, stream in enumerate(streams):
-                image = picture(number + 100 * shift, stream.width, stream.height)
-                frame = av.VideoFrame.from_ndarray(image, format="bgr24")
-                container.mux(stream.encode(frame))
-        for stream in streams:
-            container.mux(stream.encode())
-    return path
-
-
 @pytest.mark.parametrize("name", ["two.mp4", "two.mkv", "two.ts"])
 def test_largest_stream_unless_another_is_asked_for(tmp_path, name):
-    path = _with_preview(tmp_path / name)
+    path = with_preview(tmp_path / name)
     for stream, size_wh, first in (
         (None, (320, 192), 100),
         (0, (128, 32), 0),
@@ -135,7 +104,7 @@ def test_largest_stream_unless_another_is_asked_for(tmp_path, name):
 
 
 def test_streams_that_are_not_there(tmp_path):
-    path = _with_preview(tmp_path / "two.mkv")
+    path = with_preview(tmp_path / "two.mkv")
     for stream in (2, -1):
         with pytest.raises(
             SourceError, match=rf"no video stream {stream}: .*0 \(128x32\), 1 \(320"
@@ -146,33 +115,6 @@ def test_streams_that_are_not_there(tmp_path):
     for spec in (tmp_path / "folder", 99):
         with pytest.raises(SourceError, match="no video streams to choose from"):
             open_source(spec, stream=0)
-
-
-def with_sound(path, codec="aac", *, count=50, rate=25, begins=0.0):
-    """`count` frames and as many seconds of a tone that grows louder."""
-    layout, kind = "mono", {"aac": "fltp", "libopus": "flt"}.get(codec, "s16")
-    with av.open(str(path), "w") as container:
-        video = container.add_stream("libx264", rate=rate, options={"bf": "0"})
-        video.width, video.height, video.pix_fmt = 160, 96, "yuv420p"
-        sound = container.add_stream(codec, rate=SAMPLES, layout=layout)
-        resampler = av.AudioResampler(kind, layout, SAMPLES)
-        total = round(count / rate * SAMPLES)
-        seconds = np.arange(total) / SAMPLES
-        tone = (8000 * seconds * np.sin(2 * np.pi * 440 * seconds)).astype(np.int16)
-        for number in range(count):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
-            frame.pts, frame.time_base = number, Fraction(1, rate)
-            container.mux(video.encode(frame))
-            part = tone[number * SAMPLES // rate : (number + 1) * SAMPLES // rate]
-            chunk = av.AudioFrame.from_ndarray(part[None], format="s16", layout=layout)
-            chunk.sample_rate = SAMPLES
-            chunk.pts = number * SAMPLES // rate + round(begins * SAMPLES)
-            chunk.time_base = Fraction(1, SAMPLES)
-            for each in resampler.resample(chunk):
-                container.mux(sound.encode(each))
-        container.mux(sound.encode())
-        container.mux(video.encode())
-    return path
 
 
 def _copied(path, out, frames=None):

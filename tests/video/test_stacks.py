@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import av
 import cv2
 import numpy as np
 import pytest
 from clips import drained, number_in, picture, write_clip
+from odd_clips import scratched
 
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
@@ -86,19 +86,6 @@ def test_cut_animated_webp(tmp_path):
     except SourceError as refused:
         error = refused
     assert isinstance(error, StreamError | SourceError)
-
-
-def scratched(path, places, codec="mjpeg"):
-    """A clip in which the packets at these places cannot be decoded."""
-    write_clip(path, 40, codec=codec, codec_options={"g": "1"} if codec == "libx264" else None)
-    with av.open(str(path)) as container:
-        packets = [packet for packet in container.demux(video=0) if packet.size]
-    data = bytearray(path.read_bytes())
-    for place in places:
-        start, size = packets[place].pos, packets[place].size
-        data[start : start + size] = bytes(size)
-    path.write_bytes(data)
-    return path
 
 
 @pytest.mark.parametrize("codec", ["mjpeg", "libx264"])
