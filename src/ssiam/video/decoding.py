@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ssiam.video.arrivals import arriving
 from ssiam.video.ending import Ending
 from ssiam.video.frames import DeepPictures, SourceFacts
-from ssiam.video.orientation import orientation_of
+from ssiam.video.orientation import Orientation, Orientations
 from ssiam.video.rates import DEFAULT_FPS, Times
 
 _log = logging.getLogger(__name__)
@@ -51,15 +51,17 @@ class Decoding:
         origin: Fraction | None = None
         last: Fraction | None = None
         started: float | None = None
+        orientations = Orientations()
         with closing(_packets(self)) as packets:
             for packet, arrived in packets:
                 for frame in self._frames(packet):
                     self.ending.note_frame(frame)
-                    last = self._seconds(frame, last)
+                    last, orientation = self._seconds(frame, last), orientations.of(frame)
                     if started is None:
                         started, origin = arrived, last
-                        self._note_first(frame, origin)
-                    yield self._time(last, origin, arrived - started), _upright(frame)
+                        self._note_first(orientation, origin)
+                    image = orientation.applied(_values(frame))
+                    yield self._time(last, origin, arrived - started), image
 
     def _frames(self, packet: Packet[Stream]) -> list[VideoFrame]:
         """Frames that a packet completes; none for a damaged one, after which decoders recover."""
@@ -70,11 +72,10 @@ class Decoding:
             _log.debug("skipped a packet that cannot be decoded: %s", error.strerror)
             return []
 
-    def _note_first(self, frame: VideoFrame, origin: Fraction | None) -> None:
+    def _note_first(self, orientation: Orientation, origin: Fraction | None) -> None:
         aspect = self.stream.sample_aspect_ratio or Fraction(1)
         if aspect > 0:
-            turned = orientation_of(frame).is_transposed
-            self.facts.pixel_aspect = 1 / aspect if turned else aspect
+            self.facts.pixel_aspect = 1 / aspect if orientation.is_transposed else aspect
         if self.facts.sound is not None:
             self.facts.sound.origin = origin
 
@@ -125,10 +126,6 @@ def _demuxed(decoding: Decoding) -> Generator[Arrived, None, None]:
         yield from arriving(packets)
     else:
         yield from ((packet, 0.0) for packet in packets)
-
-
-def _upright(frame: VideoFrame) -> NDArray[Any]:
-    return orientation_of(frame).applied(_values(frame))
 
 
 def _values(frame: VideoFrame) -> NDArray[Any]:

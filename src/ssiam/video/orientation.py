@@ -34,8 +34,25 @@ class Orientation:
         return np.ascontiguousarray(image)
 
 
-def orientation_of(frame: VideoFrame) -> Orientation:
-    """How a frame is to be shown; of angles between, the nearest quarter turn."""
+class Orientations:
+    """The orientation of each frame of a stream, read anew where the frame's turn changes.
+
+    PyAV's side data and their frame hold each other: read of every frame, they would keep
+    hundreds of frames in memory until Python looks for such circles.
+    """
+
+    def __init__(self) -> None:
+        self._turn: int | None = None
+        self._orientation = Orientation()
+
+    def of(self, frame: VideoFrame) -> Orientation:
+        """How the frame is to be shown; of angles between, the nearest quarter turn."""
+        if frame.rotation != self._turn:
+            self._turn, self._orientation = frame.rotation, _read(frame)
+        return self._orientation
+
+
+def _read(frame: VideoFrame) -> Orientation:
     matrix: Any = frame.side_data.get("DISPLAYMATRIX")
     data = b"" if matrix is None else bytes(matrix)
     if len(data) < _MATRIX.size:
