@@ -107,3 +107,42 @@ def test_grey_images_come_as_bgr(tmp_path):
     path = tmp_path / "größe.png"
     path.write_bytes(cv2.imencode(".png", np.full((4, 5), 7, np.uint8))[1].tobytes())
     assert read_image(path).tolist() == np.full((4, 5, 3), 7).tolist()
+
+
+def _thermal(number):
+    noise = np.random.default_rng(number).integers(0, 1300, (12, 16))
+    return (7000 + noise).astype(np.uint16)
+
+
+def test_deep_images_are_shown_by_one_rule_wherever_one_begins(tmp_path):
+    for number in range(12):
+        image = cv2.resize(_thermal(number), (64, 48), interpolation=cv2.INTER_NEAREST)
+        image[40:, 50:] = 30000 if number >= 9 else image[40:, 50:]
+        cv2.imwrite(str(tmp_path / f"{number:02}.png"), image)
+    paths = tuple(sorted(tmp_path.glob("*.png")))
+    sequence = Sequence("thermal", paths, np.zeros((12, 4)))
+    whole = list(sequence.images())
+    assert np.ptp(whole[0]) > 150
+    for start in (1, 10):
+        for image, again in zip(whole[start:], sequence.images(start), strict=True):
+            assert np.array_equal(image, again)
+    assert np.ptp(read_image(paths[0])) > 150
+
+
+def test_a_frame_that_cannot_be_decoded_does_not_shift_the_boxes(tmp_path):
+    path = tmp_path / "walk.mov"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
+        for number in range(12):
+            image = picture(number + 1).repeat(6, axis=0).repeat(8, axis=1)[:48, :64]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    with av.open(str(path)) as container:
+        packet = [packet for packet in container.demux(video=0) if packet.size][5]
+    data = bytearray(path.read_bytes())
+    data[packet.pos : packet.pos + packet.size] = bytes(packet.size)
+    path.write_bytes(data)
+    sequence = Sequence("walk", path, np.zeros((11, 4)))
+    with pytest.raises(SourceError, match=r"cannot be decoded, so that boxes and frames"):
+        list(sequence.images())

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pytest
 from clips import NTSC, decoded, number_in, picture, python, shared, write_clip
+from odd_clips import set_display_matrix
 
 from ssiam.video import open_source
 
@@ -86,20 +87,13 @@ def test_rotation_of_phone_videos_is_applied(tmp_path, matrix, shape, corner):
         image[:32, :32] = 255
         container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
         container.mux(stream.encode())
-    _set_display_matrix(path, matrix)
+    set_display_matrix(path, matrix)
     with open_source(path) as source:
         upright = next(source).image
     assert upright.shape[:2] == shape
     assert source.size_wh == shape[::-1]
     bright = [c for c in ((0, 0), (0, -1), (-1, 0), (-1, -1)) if upright[c].mean() > 127]
     assert bright == [corner]
-
-
-def _set_display_matrix(path, matrix):
-    data = bytearray(path.read_bytes())
-    a, b, c, d = (value << 16 for value in matrix)
-    struct.pack_into(">9i", data, data.index(b"tkhd") + 44, a, b, 0, c, d, 0, 0, 0, 1 << 30)
-    path.write_bytes(data)
 
 
 def test_trimmed_by_an_edit_list_is_whole(tmp_path):

@@ -7,6 +7,8 @@ import signal
 import time
 import zipfile
 from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
 from queue import SimpleQueue
 from xml.etree import ElementTree
 
@@ -208,3 +210,33 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkError, match="file/there cannot be made"):
         Recordings(tmp_path / "file" / "there")
+
+
+def test_results_have_the_times_of_their_own_video(recordings):
+    """A recording begins in the middle of a session, whose source jumps back and is uneven."""
+    name = recordings.begin(RATE)
+    seconds = [37.0, 37.2, 37.4, 37.9, 2.0, 2.2]
+    for step, time_ in zip(steps(6), seconds, strict=True):
+        frame = Frame(step.frame.index, time_, step.frame.image)
+        recordings.write(replace(step, frame=frame))
+    recordings.end()
+    while recordings.listing()[-1]["open"]:
+        time.sleep(0.01)
+    (listed,) = recordings.listing()
+    rows = list(csv.DictReader((recordings.path(name, "results.csv")).open()))
+    with open_source(recordings.path(name, "video.mp4")) as frames:
+        played = [frame.time for frame in frames]
+    assert [float(row["time"]) for row in rows] == pytest.approx(played, abs=1e-3)
+    assert played == pytest.approx([0, 0.2, 0.4, 0.9, 0.94, 1.14], abs=1e-3)
+    assert listed["seconds"] == pytest.approx(1.18, abs=2e-3)
+
+
+def test_recorded_pixels_are_shown_as_the_source_shows_them(recordings):
+    name = recordings.begin(RATE, Fraction(16, 15))
+    for step in steps(3):
+        recordings.write(step)
+    recordings.end()
+    while recordings.listing()[-1]["open"]:
+        time.sleep(0.01)
+    with open_source(recordings.path(name, "video.mp4")) as frames:
+        assert frames.facts.pixel_aspect == Fraction(16, 15)

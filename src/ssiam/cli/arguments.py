@@ -31,6 +31,19 @@ def tell_left_parts(parts: Iterable[Path]) -> None:
         )
 
 
+def levels(text: str | None) -> tuple[float, float] | None:
+    """The two values of ``--levels LOW,HIGH``; `ArgumentError` if they are none."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ArgumentError(
+            f"--levels {text!r}: give the values to be shown as black and white, such as 7000,8500"
+        ) from None
+    return low, high
+
+
 def weights_by_tracker(pairs: Iterable[str]) -> dict[str, Path]:
     """Paths by the tracker's name, of ``NAME=PATH``; `ArgumentError` if one is not of that form."""
     paths = {}

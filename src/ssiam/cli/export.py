@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from ssiam.cli.arguments import tell_left_parts, words
 from ssiam.errors import ArgumentError
-from ssiam.exchange import ExportKind, read_annotations, write_exports
+from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_apart, check_output, is_stream, left_parts
 from ssiam.video import open_source
 from ssiam.video.source_files import check_apart_from_source
@@ -29,6 +29,7 @@ def export(
     fps: str | None = None,
     names: str | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
+    stream: int | None = None,
 ) -> None:
     """Write the results of ssiam track for an annotation tool.
 
@@ -51,6 +52,9 @@ def export(
         Frames a second: 25, 29.97 or 30000/1001.
     names
         The targets' names between commas, in their order; by default target 1, target 2, ...
+    stream
+        Which video stream of --video was tracked, from 0; unless given, the one with the most
+        pixels.
     overwrite
         Replace a file that exists, when the new one is whole; without it one is refused.
     """
@@ -61,7 +65,7 @@ def export(
         check_apart_from_source([("--out", out)], video, inputs)
     check_output(out, overwrite=overwrite)
     tell_left_parts(left_parts(out))
-    frames = _frames(video, size, fps)
+    frames = _frames(video, size, fps, stream)
     named = None if names is None else words(names)
     annotations = read_annotations(results, frames.size_wh, frames.fps, named)
     write_exports(annotations, out, to, frames.name, overwrite=overwrite)
@@ -70,6 +74,12 @@ def export(
         f"written to {out}",
         file=sys.stderr if is_stream(out) else sys.stdout,  # the output may be standard output
     )
+    fps_of_numbers = timeline(annotations).fps
+    if to == "labelstudio" and fps_of_numbers != annotations.fps:
+        print(
+            f'  the frame rate is variable: set framerate="{float(fps_of_numbers):g}" '
+            "in Label Studio's tag Video"
+        )
 
 
 @dataclass(frozen=True)
@@ -81,12 +91,14 @@ class _Frames:
     name: str = "video.mp4"
 
 
-def _frames(video: str | None, size: str | None, fps: str | None) -> _Frames:
+def _frames(video: str | None, size: str | None, fps: str | None, stream: int | None) -> _Frames:
+    if stream is not None and video is None:
+        raise ArgumentError(f"--stream {stream} is one of a video: give --video too")
     if video is None and size is not None and fps is not None:
         return _Frames(_size(size), _rate(fps))
     if video is None or size is not None or fps is not None:
         raise ArgumentError("give either --video, or --size and --fps: --size 1280x720 --fps 30")
-    with open_source(video) as frames:
+    with open_source(video, stream=stream) as frames:
         return _Frames(frames.size_wh, frames.fps, Path(frames.name).name)
 
 

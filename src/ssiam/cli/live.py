@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import levels as parsed_levels
 from ssiam.cli.arguments import tell_left_parts
-from ssiam.cli.choice import STEADYING, TrackerChoice
+from ssiam.cli.choice import RUNNING, STEADYING, TrackerChoice
 from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.stabilize import StabilizerConfig
 from ssiam.video.source_files import check_apart_from_source
@@ -32,6 +33,8 @@ def live(
     token: Annotated[bool, Parameter(group=_PAGE, negative=())] = False,
     pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE)] = "clock",
     recordings: Annotated[Path | None, Parameter(group=_PAGE)] = None,
+    stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNNING, allow_leading_hyphen=True)] = None,
     mavlink: Annotated[str | None, Parameter(group=_MACHINES)] = None,
     rerun: Annotated[Path | None, Parameter(group=_MACHINES)] = None,
     overwrite: Annotated[bool, Parameter(group=_MACHINES, negative=())] = False,
@@ -58,6 +61,12 @@ def live(
         Of a file: by its clock, or as fast as it can be tracked.
     recordings
         Folder that keeps what is recorded; without it recordings are gone at the end.
+    stream
+        Which video stream of a source with several, from 0; unless given, the one with the most
+        pixels.
+    levels
+        Values to be shown as black and white, of sources with more than 8 bits a value, such as
+        thermal cameras: 7000,8500. Unless given, the first frame tells.
     mavlink
         Be a camera that tracks for a ground station: udpout:127.0.0.1:14550, or what else MAVLink
         can connect to.
@@ -72,7 +81,13 @@ def live(
     tracker = choice.load(config)
     with ExitStack() as stack:
         session = Session.open(
-            source, tracker, name=choice.tracker, pace=pace, recordings=recordings
+            source,
+            tracker,
+            name=choice.tracker,
+            pace=pace,
+            recordings=recordings,
+            stream=stream,
+            levels=parsed_levels(levels),
         )
         stack.callback(session.close)
         session.notes(_show)

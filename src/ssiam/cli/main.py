@@ -20,8 +20,8 @@ app = App(
     name="ssiam",
     help="Keep hold of a chosen object in video from a shaking, moving camera.",
     help_format="markdown",
-    help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off "
-    "(what was tracked is kept).",
+    help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off, or frames "
+    "of it cannot be decoded (what was tracked is kept).",
     print_error=False,
     exit_on_error=False,
     suppress_keyboard_interrupt=False,

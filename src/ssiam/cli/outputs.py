@@ -138,7 +138,7 @@ class Outputs:
             if destinations.plot is not None:
                 self._plot = PathPlot(destinations.plot, config.window, overwrite=overwrite)
             if destinations.video is not None:
-                self._video = VideoSink(destinations.video, source.fps, overwrite=overwrite)
+                self._video = _video_sink(destinations.video, source, overwrite=overwrite)
             stack.pop_all()
 
     def places(self) -> list[tuple[str, Path]]:
@@ -147,6 +147,20 @@ class Outputs:
         found = [("video", video)] if video else []
         found += [("results", path) for path in (self._results.places if self._results else ())]
         return found + ([("plot", plot)] if plot else [])
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is not in the video, a line each; complete after the outputs are closed."""
+        if not self._video:
+            return []
+        silence, left_out = self._video.silence, self._video.left_out
+        lines = [f"video: has no sound: {silence}"] if silence else []
+        if left_out:
+            lines.append(
+                f"video: {left_out} frames are left out, which come faster than the one rate of "
+                "an AVI; write .mp4 or .mkv to have all"
+            )
+        return lines
 
     def write(self, frame: Frame, tracks: Sequence[Track], fps: float | None = None) -> None:
         """Write one frame and its targets."""
@@ -187,3 +201,15 @@ class Outputs:
         stab_from_raw = tracks[0].stab_from_raw
         view = FrameView(drawn, IDENTITY if stab_from_raw is None else stab_from_raw, self._border)
         return side_by_side(drawn, view.render())
+
+
+def _video_sink(path: Path, source: Source, *, overwrite: bool) -> VideoSink:
+    facts = source.facts
+    return VideoSink(
+        path,
+        source.fps,
+        overwrite=overwrite,
+        pixel_aspect=facts.pixel_aspect,
+        is_variable=facts.is_variable,
+        sound=facts.sound,
+    )

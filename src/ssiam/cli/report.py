@@ -108,8 +108,11 @@ class Report:
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw
 
-    def show(self, written: Sequence[tuple[str, Path]]) -> None:
-        """Print the summary; `written` is what was written, and where."""
+    def show(self, written: Sequence[tuple[str, Path]], remarks: Sequence[str] = ()) -> None:
+        """Print the summary.
+
+        `written` is what was written, and where; a line for each of the `remarks` follows.
+        """
         tracked = max(self._frames - 1, 1)
         speed = tracked / self.clock.total if self.clock.total else 0.0
         print(f"tracked {self._frames} frames of {self._title}: {speed:.0f} fps")
@@ -123,3 +126,5 @@ class Report:
             )
         for kind, path in written:
             print(f"  {kind}: {path}")
+        for remark in remarks:
+            print(f"  {remark}")

@@ -10,11 +10,12 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from ssiam.cli.arguments import levels as parsed_levels
 from ssiam.cli.arguments import tell_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TARGET, TrackerChoice
 from ssiam.cli.outputs import Destinations, Outputs
 from ssiam.cli.report import Progress, Report
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, StreamError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import Track, TrackerGroup
@@ -41,6 +42,8 @@ def track(
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
     overwrite: Annotated[bool, Parameter(group=_OUTPUT, negative=())] = False,
     raw: Annotated[str | None, Parameter(group=RUNNING)] = None,
+    stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNNING, allow_leading_hyphen=True)] = None,
     choice: TrackerChoice = _CHOICE,
     config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
 ) -> None:
@@ -61,7 +64,7 @@ def track(
         Target in the first frame: x,y,width,height in pixels, x and y its top left corner.
         Give it again for each further target.
     out
-        Video to write: .mp4 (H.264), .mkv or .avi.
+        Video to write: .mp4 (H.264), .mkv or .avi. The source's sound is copied into it.
     results
         File of results to write: .csv, .jsonl or .txt.
     layout
@@ -74,6 +77,12 @@ def track(
         Replace files that exist; without it they are refused.
     raw
         Size, layout and rate of headerless frames: 640x360,bgr24,30.
+    stream
+        Which video stream of a source with several, from 0; unless given, the one with the most
+        pixels.
+    levels
+        Values to be shown as black and white, of sources with more than 8 bits a value, such as
+        thermal cameras: 7000,8500. Unless given, the first frames tell.
     """
     boxes = [_box(text) for text in box]
     if out is None and results is None and plot is None:
@@ -83,15 +92,38 @@ def track(
     destinations.check(source, choice.weight_files())
     tell_left_parts(destinations.left)
     with ExitStack() as stack:
-        frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
+        frames = stack.enter_context(
+            open_source(
+                source,
+                raw=_raw_format(raw),
+                stream=stream,
+                levels=parsed_levels(levels),
+                sound=destinations.video is not None,
+            )
+        )
         first = next(frames)
         group = TrackerGroup(choice.load(config))
         group.init(first.image, boxes)
         outputs = Outputs(frames, destinations, side_by_side=side_by_side, config=config)
         report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
-        stack.callback(lambda: report.show(outputs.places()))
+        stack.callback(lambda: report.show(outputs.places(), _remarks(frames, outputs)))
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
+    if frames.facts.undecoded:
+        raise StreamError(
+            f"{frames.name}: {_undecoded(frames)}; what came before and after them was tracked"
+        )
+
+
+def _remarks(frames: Source, outputs: Outputs) -> list[str]:
+    """What the user should know of the source and the outputs, a line each."""
+    lost = [_undecoded(frames)] if frames.facts.undecoded else []
+    return [*(f"source: {line}" for line in (*frames.facts.remarks, *lost)), *outputs.remarks]
+
+
+def _undecoded(frames: Source) -> str:
+    count = frames.facts.undecoded
+    return f"{count} frame{'s' * (count > 1)} of it could not be decoded and are left out"
 
 
 def _follow(

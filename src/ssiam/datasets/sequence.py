@@ -6,14 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import SourceError
 from ssiam.geometry import XYWH, Image, area_preserving_xywh
 from ssiam.video import open_source
+from ssiam.video.images import UnreadableImage, read_pages
+from ssiam.video.levels import LEVEL_FRAMES, Levels, in_eight_bits, levels_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +70,29 @@ class Sequence:
             A video broke off.
         """
         if isinstance(self.frames, tuple):
-            yield from map(read_image, self.frames[start:])
+            yield from self._read(self.frames, start)
         else:
             yield from self._decoded(self.frames, start)
+
+    def _read(self, paths: tuple[Path, ...], start: int) -> Iterator[Image]:
+        """Images from index `start` on; deep ones by levels of the sequence's first frames."""
+        levels: Levels | None = None
+        for path in paths[start:]:
+            image = _as_it_is(path)
+            if image.dtype != np.uint8 and levels is None:
+                levels = levels_of(map(_as_it_is, paths[:LEVEL_FRAMES])) or levels_of([image])
+            yield in_eight_bits(image, levels)
 
     def _decoded(self, path: Path, start: int) -> Iterator[Image]:
         delivered = start
         with open_source(path) as source:
             for frame in islice(source, self.first + start, self.first + len(self)):
+                if source.facts.undecoded:
+                    # Every box from here on would be taken for that of an earlier frame.
+                    raise SourceError(
+                        f"{path}: a frame before number {self.first + delivered} (from 0) cannot "
+                        "be decoded, so that boxes and frames do not fit; get the video again"
+                    )
                 yield frame.image
                 delivered += 1
         if delivered < len(self):
@@ -98,16 +115,26 @@ class Sequence:
         return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 4)
 
 
-def read_image(path: Path) -> Image:
-    """An image file as (H, W, 3) uint8 BGR; `SourceError` if it is none."""
-    # Not `cv2.imread`, which fails on non-Latin paths under Windows.
+def read_image(path: Path, levels: Levels | None = None) -> Image:
+    """An image file as (H, W, 3) uint8 BGR; `SourceError` if it is none.
+
+    Values of more than 8 bits are shown by `levels`, else by those of the image itself.
+    """
+    image = _as_it_is(path)
+    return in_eight_bits(image, levels or levels_of([image]))
+
+
+def image_levels(path: Path) -> Levels | None:
+    """The levels of a sequence that begins with this image; None if it has 8 bits."""
+    return levels_of([_as_it_is(path)])
+
+
+def _as_it_is(path: Path) -> NDArray[Any]:
+    """The (first) image in a file, in its own depth; `SourceError` if there is none."""
+    if not path.exists():
+        raise SourceError(f"{path}: does not exist; get the frames of the dataset")
     try:
-        encoded = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
-    except FileNotFoundError:
-        raise SourceError(f"{path}: does not exist; get the frames of the dataset") from None
-    except (OSError, cv2.error):
-        image = None
-    if image is None:
-        raise SourceError(f"{path}: is not an image that can be read; get it again")
-    return np.asarray(image, dtype=np.uint8)
+        _, image = next(read_pages(path))
+    except UnreadableImage:
+        raise SourceError(f"{path}: is not an image that can be read; get it again") from None
+    return image

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ssiam.datasets.sequence import read_image
+from ssiam.datasets.sequence import image_levels, read_image
 from ssiam.errors import MissingExtraError, StreamError
 from ssiam.evaluation.trax_regions import answer, start_box
-from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
+from ssiam.video.levels import Levels
 
 
 def check_trax() -> None:
@@ -39,8 +39,12 @@ def serve(tracker: SteadiedTracker) -> None:
     check_trax()
     with _Session() as session:
         start: Any = None
+        levels: Levels | None = None
         while (request := session.next()) is not None:
-            image = _image(request)
+            path = Path(request.image["color"].path())
+            if request.objects:
+                levels = image_levels(path)
+            image = read_image(path, levels)
             if request.objects:
                 start = request.objects[0][0]
                 tracker.init(image, start_box(start))
@@ -88,7 +92,3 @@ class _Session:
         traceback: TracebackType | None,
     ) -> None:
         self._server.quit(None if exc is None else str(exc))
-
-
-def _image(request: Any) -> Image:
-    return read_image(Path(request.image["color"].path()))

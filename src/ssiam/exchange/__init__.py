@@ -5,6 +5,7 @@ from ssiam.exchange.detections import to_detections
 from ssiam.exchange.errors import AnnotationsError
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
 from ssiam.exchange.rerun_log import RerunLog
+from ssiam.exchange.timeline import Timeline, timeline
 
 __all__ = [
     "EXPORT_KINDS",
@@ -13,8 +14,10 @@ __all__ = [
     "AnnotationsError",
     "ExportKind",
     "RerunLog",
+    "Timeline",
     "annotation_of",
     "read_annotations",
+    "timeline",
     "to_detections",
     "write_exports",
 ]

@@ -6,6 +6,7 @@ import re
 
 from ssiam.video.containers import Input, open_container
 from ssiam.video.frames import Source
+from ssiam.video.levels import Levels
 
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 # Seconds until a server that does not answer, or that stops sending, counts as gone.
@@ -27,10 +28,18 @@ def public_name(address: str) -> str:
     return f"{scheme}://{(host + slash + path).rpartition('@')[2]}"
 
 
-def open_address(address: str, *, silence: float = _READ_TIMEOUT) -> Source:
+def open_address(
+    address: str,
+    *,
+    silence: float = _READ_TIMEOUT,
+    stream: int | None = None,
+    levels: Levels | None = None,
+    sound: bool = False,
+) -> Source:
     """`Source` of a network address; RTSP goes over TCP, which loses no packets.
 
-    After `silence` seconds in which the server sent nothing it counts as gone.
+    After `silence` seconds in which the server sent nothing it counts as gone. The rest is as
+    for `open_source`.
     """
     options = {"rtsp_transport": "tcp"} if address.lower().startswith("rtsp") else {}
     return open_container(
@@ -40,5 +49,9 @@ def open_address(address: str, *, silence: float = _READ_TIMEOUT) -> Source:
             options=options,
             timeout=(_OPEN_TIMEOUT, silence),
             advice="check the address and that the server is up",
+            stream=stream,
+            levels=levels,
+            sound=sound,
+            is_remote=True,
         )
     )

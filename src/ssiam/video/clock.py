@@ -30,15 +30,35 @@ class Clock:
     rate : Fraction
         Frames a second, the step of frames without a time. A frame lasts a whole number of ticks.
     only_whole_frames : bool
-        Ticks are whole frames, for containers that know no other times.
+        Ticks are whole frames, for containers that know no other times. A frame that would come
+        more than one of them too late has no place.
+    parts : int
+        How many whole frames of the container a frame lasts, with `only_whole_frames`.
     """
 
-    def __init__(self, rate: Fraction, *, only_whole_frames: bool = False) -> None:
-        parts = 1 if only_whole_frames else -(-_RESOLUTION // rate.numerator)
-        self.time_base = 1 / rate if only_whole_frames else Fraction(1, rate.numerator * parts)
-        self._step = 1 if only_whole_frames else rate.denominator * parts
+    def __init__(self, rate: Fraction, *, only_whole_frames: bool = False, parts: int = 1) -> None:
+        self._may_refuse = only_whole_frames
+        finer = -(-_RESOLUTION // rate.numerator)
+        self.time_base = (
+            1 / (rate * parts) if only_whole_frames else Fraction(1, rate.numerator * finer)
+        )
+        self._step = parts if only_whole_frames else rate.denominator * finer
         self._last: int | None = None
         self._origin: int | None = None
+
+    @property
+    def end(self) -> int:
+        """Ticks at which the last frame ends, if it lasts one step."""
+        return 0 if self._last is None else self._last + self._step
+
+    def place(self, time: float | None = None) -> int | None:
+        """`ticks`, or None for a frame that comes too soon after others to be shown in time."""
+        last, origin = self._last, self._origin
+        if self._may_refuse and time is not None and last is not None and origin is not None:
+            due = time / self.time_base - origin
+            if last - _JUMP_STEPS * self._step <= due < last:
+                return None
+        return self.ticks(time)
 
     def ticks(self, time: float | None = None) -> int:
         """Ticks of the next frame, at `time` seconds of any origin, or one step later if None.

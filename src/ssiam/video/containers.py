@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import islice
 from typing import Any
 
 import av
@@ -12,11 +14,14 @@ from av.container import InputContainer
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
-from ssiam.errors import SourceError, StreamError
-from ssiam.video.decoding import decoded
+from ssiam.errors import SourceError, SsiamError, StreamError
+from ssiam.video.decoding import Decoding
 from ssiam.video.ending import Ending
-from ssiam.video.frames import Pictures, Source
+from ssiam.video.frames import DeepPictures, Source, SourceFacts
+from ssiam.video.levels import LEVEL_FRAMES, Levels, eight_bit
 from ssiam.video.pipes import Pipe
+from ssiam.video.rates import DEFAULT_FPS, Times, frame_rate, measured_rate, origin_of_times
+from ssiam.video.sound import Sound
 
 # Decoder threads for recordings: the next frame is decoded while this one is tracked. Each
 # holds one more frame in memory and delays by one, so live streams get a single one.
@@ -26,9 +31,10 @@ _RECORDING_THREADS = 2
 _BROADCAST = ("mpegts", "mpeg")
 # FFmpeg's demuxer of text art takes any .txt for a video.
 _NOT_VIDEO = ("tty",)
-# Nominal and average rate further apart than this share mean a variable frame rate.
-_RATE_TOLERANCE = 0.05
-_DEFAULT_FPS = Fraction(25)
+# Pictures that show others: covers of music, the thumbnails of a chapter list.
+_NOT_MOVING = Disposition.attached_pic | Disposition.timed_thumbnails
+# Frames over which a rate is measured that the container does not tell.
+_MEASURED_FRAMES = 6
 # A title in an unknown encoding must not make a file unreadable; PyAV 19 sees to it by itself.
 _METADATA: dict[str, Any] = (
     {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
@@ -37,7 +43,19 @@ _METADATA: dict[str, Any] = (
 
 @dataclass(frozen=True)
 class Input:
-    """What PyAV is to open: `file` a URL or what has a `read`, `name` how messages call it."""
+    """What PyAV is to open: `file` a URL or what has a `read`, `name` how messages call it.
+
+    Attributes
+    ----------
+    stream : int or None
+        Which of the video streams, from 0, covers not counted; None for the largest.
+    levels : Levels or None
+        For values of more than 8 bits; None takes them from the first frames.
+    sound : bool
+        Whether to keep the sound beside the frames (`SourceFacts.sound`).
+    is_remote : bool
+        It comes over a network, at the pace of who sends it.
+    """
 
     name: str
     file: Any
@@ -45,6 +63,10 @@ class Input:
     options: dict[str, str] = field(default_factory=dict)
     timeout: tuple[float, float] | None = None
     advice: str = "is it a video, and is it whole?"
+    stream: int | None = None
+    levels: Levels | None = None
+    sound: bool = False
+    is_remote: bool = False
 
     @property
     def pipe(self) -> Pipe | None:
@@ -58,20 +80,69 @@ class Input:
 
 
 def open_container(given: Input) -> Source:
-    """`Source` of the first video stream; `SourceError` if there is none that can be decoded."""
+    """`Source` of a video stream; `SourceError` if there is none that can be decoded."""
     container = _open(given)
     stream = _video_stream(given, container)
     is_recording = bool(container.duration)
-    fps = _frame_rate(stream, is_recording=is_recording)
+    rate = frame_rate(stream, is_recording=is_recording)
+    fps = rate.fps or DEFAULT_FPS
     if is_recording and container.format.name not in _BROADCAST:
         stream.thread_type = ThreadType.FRAME
         stream.thread_count = _RECORDING_THREADS
     else:
         stream.thread_count = 1
     length = _announced_length(container, stream, fps)
+    times = origin_of_times(container, is_remote=given.is_remote)
+    facts = _facts(given, container, stream, times)
+    facts.is_variable = facts.is_variable or rate.is_variable
     ending = Ending(container, stream, fps, pipe=given.pipe)
-    pictures = _pictures(given, container, stream, ending, length)
-    return Source(given.name, pictures, fps=fps, length=length)
+    decoding = Decoding(container, stream, ending, facts, times)
+    pictures = _pictures(given, decoding, length)
+    if rate.fps is None:
+        first, pictures = _peeked(pictures)
+        fps = measured_rate(first) or fps
+    shown = eight_bit(
+        given.name, pictures, facts, given.levels, LEVEL_FRAMES if is_recording else 1
+    )
+    return Source(given.name, shown, fps=fps, length=length, facts=facts)
+
+
+def _facts(
+    given: Input, container: InputContainer, stream: VideoStream, times: Times
+) -> SourceFacts:
+    facts = SourceFacts()
+    if given.sound and container.streams.audio:
+        facts.sound = Sound(container.streams.audio)
+    if times is Times.STREAM:
+        return facts
+    facts.is_variable = times is Times.ARRIVAL
+    facts.is_rate_known = times is Times.UNKNOWN and bool(stream.codec_context.framerate)
+    facts.remarks.append(
+        "tells no times: those of arrival are taken"
+        if times is Times.ARRIVAL
+        else f"tells no times: taken as {float(stream.guessed_rate or DEFAULT_FPS):g} a second"
+    )
+    return facts
+
+
+def _peeked(pictures: DeepPictures) -> tuple[list[float | None], DeepPictures]:
+    """The times of the first pictures, and all pictures."""
+    held: list[Any] = []
+    error: SsiamError | None = None
+    try:
+        held.extend(islice(pictures, _MEASURED_FRAMES))
+    except SsiamError as raised:
+        error = raised
+
+    def replayed() -> DeepPictures:
+        with closing(pictures):
+            while held:
+                yield held.pop(0)
+            if error is not None:
+                raise error
+            yield from pictures
+
+    return [time for time, _ in held], replayed()
 
 
 def _open(given: Input) -> InputContainer:
@@ -92,26 +163,25 @@ def _open(given: Input) -> InputContainer:
 
 
 def _video_stream(given: Input, container: InputContainer) -> VideoStream:
-    """First video stream that is not the cover picture of a piece of music."""
-    moving = (s for s in container.streams.video if not s.disposition & Disposition.attached_pic)
-    stream = next(moving, None)
-    if stream is None or container.format.name in _NOT_VIDEO:
+    """The stream that was asked for, else the one with the most pixels that can be decoded."""
+    moving = [s for s in container.streams.video if not s.disposition & _NOT_MOVING]
+    if not moving or container.format.name in _NOT_VIDEO:
         kind = "only sound" if container.streams.audio else f"no pictures; {given.advice}"
         container.close()
         raise SourceError(f"{given.name}: has no video stream ({kind})")
+    if given.stream is not None and not 0 <= given.stream < len(moving):
+        known = ", ".join(f"{i} ({s.width}x{s.height})" for i, s in enumerate(moving))
+        container.close()
+        raise SourceError(f"{given.name}: has no video stream {given.stream}: give one of {known}")
     # PyAV gives no context where FFmpeg lacks the decoder, and crashes when asked to decode.
-    if stream.codec_context is None:
+    decodable = [s for s in moving if s.codec_context is not None]
+    stream = moving[given.stream] if given.stream is not None else None
+    if stream is None and decodable:
+        stream = max(decodable, key=lambda s: s.width * s.height)
+    if stream is None or stream.codec_context is None:
         container.close()
         raise SourceError(f"{given.name}: FFmpeg has no decoder for its video; convert it to H.264")
     return stream
-
-
-def _frame_rate(stream: VideoStream, *, is_recording: bool) -> Fraction:
-    """Nominal rate; the average one of a recording whose frames come at another pace."""
-    nominal, average = stream.guessed_rate, stream.average_rate
-    if is_recording and nominal and average and abs(nominal / average - 1) > _RATE_TOLERANCE:
-        return average
-    return nominal or average or _DEFAULT_FPS
 
 
 def _announced_length(container: InputContainer, stream: VideoStream, fps: Fraction) -> int | None:
@@ -120,25 +190,19 @@ def _announced_length(container: InputContainer, stream: VideoStream, fps: Fract
     return round(container.duration / av.time_base * fps) if container.duration else None
 
 
-def _pictures(
-    given: Input,
-    container: InputContainer,
-    stream: VideoStream,
-    ending: Ending,
-    length: int | None,
-) -> Pictures:
+def _pictures(given: Input, decoding: Decoding, length: int | None) -> DeepPictures:
     """Pictures of a stream to its end; `StreamError` after the last one if that came too early."""
     count = 0
     fault = None
-    with container:
+    with decoding.container, closing(decoding.pictures()) as pictures:
         try:
-            for picture in decoded(container, stream, ending):
+            for picture in pictures:
                 yield picture
                 count += 1
         except (av.FFmpegError, OSError, ValueError) as error:
             fault = _reason(error)
     given.check_interrupted()
-    fault = fault or ending.fault()
+    fault = fault or decoding.ending.fault()
     if fault is None:
         return
     if not count:

@@ -1,32 +1,45 @@
-"""Frames out of a folder of images."""
+"""Frames out of image files: a folder of them, or one that holds several frames."""
 
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from ssiam.errors import SourceError, StreamError
-from ssiam.geometry import Image
-from ssiam.video.frames import Pictures, Source
+from ssiam.video.frames import DeepPictures, Source, SourceFacts
+from ssiam.video.images import UnreadableImage, page_count, read_pages
+from ssiam.video.levels import Levels, eight_bit
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
 _FOLDER_FPS = Fraction(30)
 
 
-def open_folder(folder: Path, fps: Fraction = _FOLDER_FPS) -> Source:
+def open_folder(folder: Path, fps: Fraction = _FOLDER_FPS, levels: Levels | None = None) -> Source:
     """`Source` of the images in `folder`, in natural order (2.jpg before 10.jpg).
 
-    Other files are passed over. Images carry no times: ``time = index / fps``.
+    Other files are passed over. A file with several pages or frames gives all of them. Images
+    carry no times: ``time = index / fps``.
     """
     paths = image_paths(folder)
     if not paths:
         raise SourceError(f"{folder}: {_what_is_missing(folder)}")
-    return Source(str(folder), _pictures(folder, paths, fps), fps=fps, length=len(paths))
+    length = sum(map(_frames_in, paths))
+    facts = SourceFacts()
+    deep = _pictures(str(folder), paths, fps, length)
+    pictures = eight_bit(str(folder), deep, facts, levels)
+    return Source(str(folder), pictures, fps=fps, length=length, facts=facts)
+
+
+def open_stack(path: Path, levels: Levels | None = None) -> Source:
+    """`Source` of the pages of a TIFF (``time = index / 30``) or the frames of an animated WebP."""
+    name, length, told = str(path), _frames_in(path), _told_fps(path)
+    fps = told or _FOLDER_FPS
+    facts = SourceFacts(is_variable=told is not None)
+    pictures = eight_bit(name, _pictures(name, [path], fps, length), facts, levels)
+    return Source(name, pictures, fps=fps, length=length, facts=facts)
 
 
 def image_paths(folder: Path) -> list[Path]:
@@ -45,27 +58,39 @@ def _natural_key(path: Path) -> tuple[list[tuple[int, str]], str]:
     return numbered, path.name
 
 
-def _pictures(folder: Path, paths: list[Path], fps: Fraction) -> Pictures:
-    for index, path in enumerate(paths):
-        image = _read(path)
-        if image is None and index == 0:
-            raise SourceError(f"{path}: cannot be read as an image; replace or remove it")
-        if image is None:
+def _pictures(name: str, paths: list[Path], fps: Fraction, length: int) -> DeepPictures:
+    """Every frame of every file, at its own time where a file tells how long it is shown."""
+    delivered, time = 0, Fraction(0)
+    for path in paths:
+        try:
+            for duration, image in read_pages(path):
+                yield float(time), image
+                delivered += 1
+                time += duration or 1 / fps
+        except UnreadableImage:
+            if not delivered:
+                raise SourceError(
+                    f"{path}: cannot be read as an image; replace or remove it"
+                ) from None
             raise StreamError(
-                f"{folder}: broke off after {index} of {len(paths)} frames: {path.name} "
+                f"{name}: broke off after {delivered} of {length} frames: {path.name} "
                 "cannot be read as an image; replace or remove it"
-            )
-        yield float(index / fps), image
+            ) from None
 
 
-def _read(path: Path) -> Image | None:
-    """BGR image, or None. Not `cv2.imread`, which fails on non-Latin paths under Windows."""
+def _told_fps(path: Path) -> Fraction | None:
+    """Frames a second by the first frame's own duration; None where none is told."""
+    with suppress(UnreadableImage):
+        duration, _ = next(read_pages(path))
+        return 1 / duration if duration else None
+    return None
+
+
+def _frames_in(path: Path) -> int:
     try:
-        encoded = np.fromfile(path, dtype=np.uint8)
-        decoded = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
-    except (OSError, cv2.error):
-        return None
-    return None if decoded is None else np.asarray(decoded, dtype=np.uint8)
+        return page_count(path)
+    except OSError:
+        return 1
 
 
 def _what_is_missing(folder: Path) -> str:

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from numpy.typing import NDArray
 
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image
 
+if TYPE_CHECKING:
+    from ssiam.video.sound import Sound
+
 Picture: TypeAlias = tuple[float | None, Image]
 Pictures: TypeAlias = Generator[Picture, None, None]
+# As decoded: (H, W) or (H, W, 3), of any depth.
+DeepPicture: TypeAlias = tuple[float | None, NDArray[Any]]
+DeepPictures: TypeAlias = Generator[DeepPicture, None, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +33,41 @@ class Frame:
     time : float or None
         Seconds since the first frame; None where the source tells no times.
     image : (H, W, 3) uint8
-        BGR, upright: the rotation that phones note in their files is applied.
+        BGR, upright: the turn and the mirroring that phones note in their files are applied.
+        More than 8 bits are stretched to 8 by one rule for the whole source.
     """
 
     index: int
     time: float | None
     image: Image
+
+
+@dataclass
+class SourceFacts:
+    """What a source says about itself beside its frames; the counts grow while it is read.
+
+    Attributes
+    ----------
+    is_variable : bool
+        The times of the frames are no multiples of ``1 / fps``: variable rate, or arrival.
+    is_rate_known : bool
+        False where the source tells no frame rate and `Source.fps` is an assumption.
+    pixel_aspect : Fraction
+        Width of a pixel by its height, as it is to be displayed.
+    sound : Sound or None
+        Its sound, where it has any and was opened with it.
+    undecoded : int
+        Frames so far that could not be decoded and were left out.
+    remarks : list of str
+        One line each for the user: what was assumed.
+    """
+
+    is_variable: bool = False
+    is_rate_known: bool = True
+    pixel_aspect: Fraction = Fraction(1)
+    sound: Sound | None = None
+    undecoded: int = 0
+    remarks: list[str] = field(default_factory=list)
 
 
 class Source:
@@ -50,6 +87,8 @@ class Source:
         Number of frames as the source announces it, for progress bars; None where it does not.
     size_wh : (int, int)
         Width and height of every frame, pixels.
+    facts : SourceFacts
+        What else it says about itself, and what was lost so far.
 
     Raises
     ------
@@ -59,13 +98,22 @@ class Source:
         While iterating: a frame has another size than those before it.
     """
 
-    def __init__(self, name: str, pictures: Pictures, *, fps: Fraction, length: int | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        pictures: Pictures,
+        *,
+        fps: Fraction,
+        length: int | None,
+        facts: SourceFacts | None = None,
+    ) -> None:
         first = next(pictures, None)
         if first is None:
             raise SourceError(f"{name}: no frame in it can be decoded; is it damaged or truncated?")
         self.name = name
         self.fps = fps
         self.length = length
+        self.facts = facts or SourceFacts()
         self.size_wh = _size_wh(first[1])
         self._pictures = pictures
         self._frames = self._numbered(first)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -21,6 +22,7 @@ from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
 from ssiam.outputs import Part
 from ssiam.video.clock import Clock, as_rate
+from ssiam.video.sound import Sound, SoundCopy
 
 _log = logging.getLogger(__name__)
 
@@ -45,6 +47,11 @@ _ENCODERS: dict[str, dict[str, str]] = {
 }
 # One frame is encoded while the next is tracked.
 _ENCODER_THREADS = 2
+# Frames a second, at least, of an AVI whose frames come at times of their own: it has one rate
+# for all, so that times are kept to 5 ms.
+_AVI_GRID = 100
+# Seconds over which an AVI repeats a frame; a longer pause holds no frames, as FFmpeg writes it.
+_AVI_LONGEST = 60
 # FFmpeg's numbers for what cv2.COLOR_BGR2YUV_I420 makes: BT.601 in the range 16..235.
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
@@ -65,8 +72,22 @@ class VideoSink:
     size_wh : (int, int) or None
         Width and height of the frames in pixels; None takes those of the first frame.
         Odd sizes are padded to even ones, as H.264 needs them.
+    pixel_aspect : Fraction
+        Width of a pixel by its height, for players; the pixels are written as they are.
+    is_variable : bool
+        The times given to `write` are no multiples of ``1 / fps``. An AVI, which has one rate
+        for all frames and repeats them over gaps, then gets one that is high enough for them.
+    sound : Sound or None
+        Copied into the file up to the end of the last frame; frames need times for it.
     overwrite : bool
         Whether a file of that name may be replaced.
+
+    Attributes
+    ----------
+    left_out : int
+        Frames that were not written, because an AVI's rate is too low for their times.
+    silence : str or None
+        Why sound is left out; None if all of it is there.
 
     Raises
     ------
@@ -81,16 +102,27 @@ class VideoSink:
         fps: Fraction | float,
         size_wh: tuple[int, int] | None = None,
         *,
+        pixel_aspect: Fraction = Fraction(1),
+        is_variable: bool = False,
+        sound: Sound | None = None,
         overwrite: bool = True,
     ) -> None:
         self.path = Path(path)
         self.size_wh = size_wh
+        self.left_out = 0
+        self.silence: str | None = None
         self._rate = as_rate(fps)
+        self._pixel_aspect = pixel_aspect
+        self._sound = sound
+        self._copy: SoundCopy | None = None
         muxer = _FORMATS.get(self.path.suffix.lower())
         if muxer is None:
             known = " ".join(_FORMATS)
             raise SinkError(f"{self.path}: unknown kind of video; name it with one of {known}")
-        self._clock = Clock(self._rate, only_whole_frames=muxer == "avi")
+        self._is_constant = muxer == "avi"
+        parts = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
+        self._clock = Clock(self._rate, only_whole_frames=self._is_constant, parts=parts)
+        self._last: tuple[int, Image] | None = None
         self._part = Part(self.path, overwrite=overwrite)
         self._container = _create(self._part.file, muxer)
         self._stream: VideoStream | None = None
@@ -102,8 +134,8 @@ class VideoSink:
         """Where the video is now: under its name, in its part, or None if no frame was written."""
         return self._part.place
 
-    def write(self, image: Image, time: float | None = None) -> None:
-        """Append a (H, W, 3) uint8 BGR frame.
+    def write(self, image: Image, time: float | None = None) -> float | None:
+        """Append a (H, W, 3) uint8 BGR frame; its time in the file, seconds, None if left out.
 
         `time` is in seconds from any origin, which keeps a variable frame rate; without it the
         frame follows the one before by ``1 / fps``.
@@ -116,16 +148,71 @@ class VideoSink:
                 f"{self.path}: a frame of {width}x{height} pixels cannot follow those of "
                 f"{self.size_wh[0]}x{self.size_wh[1]}; write it to a file of its own"
             )
-        frame = VideoFrame.from_ndarray(_even_yuv420(image), format="yuv420p")
-        frame.pts, frame.time_base = self._clock.ticks(time), self._clock.time_base
+        ticks = self._clock.place(time)
+        if ticks is None:
+            self.left_out += 1
+            return None
+        yuv = _even_yuv420(image)
+        shown = float(ticks * self._clock.time_base)
         try:
             if self._stream is None:
-                self._stream = _add_stream(self._container, self._rate, self._clock, frame)
-            self._container.mux(self._stream.encode(frame))
+                self._stream = self._begin(self._frame(yuv, ticks), has_time=time is not None)
+            if self._is_constant:
+                self._repeat_until(self._stream, ticks)
+                self._last = ticks, yuv
+            self._container.mux(self._stream.encode(self._frame(yuv, ticks)))
             self._is_empty = False
+            if self._copy is not None and time is not None:
+                self._copy.follow(time, shown)
         except (av.FFmpegError, OSError) as error:
             self._failed = True
             raise self._part.error(error) from error
+        return shown
+
+    def _frame(self, yuv: Image, ticks: int) -> VideoFrame:
+        frame = VideoFrame.from_ndarray(yuv, format="yuv420p")
+        frame.pts, frame.time_base = ticks, self._clock.time_base
+        return frame
+
+    def _repeat_until(self, stream: VideoStream, ticks: int) -> None:
+        """Fill the gap after the last frame with it, where the container has one rate."""
+        if self._last is None:
+            return
+        last, yuv = self._last
+        if (ticks - last) * self._clock.time_base <= _AVI_LONGEST:
+            for between in range(last + 1, ticks):
+                self._container.mux(stream.encode(self._frame(yuv, between)))
+
+    def _begin(self, frame: VideoFrame, *, has_time: bool) -> VideoStream:
+        """Add the streams, sound as far as the container takes it, and write the header."""
+        stream = self._add_video(frame)
+        if self._sound is None:
+            return stream
+        if not has_time or self._sound.origin is None:
+            self.silence = "the source tells no times to go by"
+        else:
+            self._copy = SoundCopy(self._container, self._sound)
+            self.silence = self._copy.silence(self.path.suffix)
+            try:
+                self._container.start_encoding()
+            except av.FFmpegError:
+                self.silence = self._copy.silence(self.path.suffix, begun=False)
+                self._copy = None
+                stream = self._begin_anew(frame)
+        if self._copy is None:
+            self._sound.drop()
+        return stream
+
+    def _add_video(self, frame: VideoFrame) -> VideoStream:
+        rate = 1 / self._clock.time_base if self._is_constant else self._rate
+        return _add_stream(self._container, rate, self._clock, frame, self._pixel_aspect)
+
+    def _begin_anew(self, frame: VideoFrame) -> VideoStream:
+        """The file without sound, where the container refused that with its header."""
+        with suppress(av.FFmpegError, OSError):
+            self._container.close()
+        self._container = _create(self._part.file, self._container.format.name)
+        return self._add_video(frame)
 
     def close(self) -> None:
         """Finish the file and give it its name. May be called twice."""
@@ -140,7 +227,10 @@ class VideoSink:
         stream, self._stream = self._stream, None
         try:
             if stream is not None and not self._failed:
+                self._repeat_until(stream, self._clock.end)
                 self._container.mux(stream.encode(None))
+                if self._copy is not None:
+                    self._copy.write_until(float(self._clock.end * self._clock.time_base))
             self._container.close()
             if self._is_empty:
                 self._part.discard()
@@ -176,7 +266,11 @@ def _create(path: Path, muxer: str) -> OutputContainer:
 
 
 def _add_stream(
-    container: OutputContainer, rate: Fraction, clock: Clock, frame: VideoFrame
+    container: OutputContainer,
+    rate: Fraction,
+    clock: Clock,
+    frame: VideoFrame,
+    pixel_aspect: Fraction,
 ) -> VideoStream:
     name = _encoder()
     options = _ENCODERS[name] | {"g": str(max(1, round(_KEY_FRAME_SECONDS * rate)))}
@@ -185,6 +279,7 @@ def _add_stream(
     stream.thread_count, stream.thread_type = _ENCODER_THREADS, ThreadType.FRAME
     context = stream.codec_context
     context.time_base = clock.time_base
+    context.sample_aspect_ratio = pixel_aspect
     context.colorspace, context.color_range = _COLOR_SPACE_601, _COLOR_RANGE_LIMITED
     _log.debug("writing %s with %s", container.name, name)
     return stream

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from io import BufferedReader
 from pathlib import Path
@@ -15,8 +15,10 @@ from ssiam.errors import SourceError
 from ssiam.video.addresses import is_address, open_address
 from ssiam.video.cameras import open_camera
 from ssiam.video.containers import Input, open_container
-from ssiam.video.folders import open_folder
+from ssiam.video.folders import open_folder, open_stack
 from ssiam.video.frames import Source
+from ssiam.video.images import is_stack
+from ssiam.video.levels import Levels
 from ssiam.video.pipes import Pipe
 
 STDIN = "-"
@@ -53,17 +55,32 @@ class RawFormat:
         }
 
 
-def open_source(spec: str | int | Path, *, raw: RawFormat | None = None) -> Source:
+def open_source(
+    spec: str | int | Path,
+    *,
+    raw: RawFormat | None = None,
+    stream: int | None = None,
+    levels: tuple[float, float] | None = None,
+    sound: bool = False,
+) -> Source:
     """The frames of a video file, folder of images, camera, address or of standard input.
 
     Parameters
     ----------
     spec : str, int or Path
-        A video file; a folder of images; the number of a camera, from 0; an address
-        (``rtsp://``, ``http://``, ...); ``"-"`` for standard input. A file named like a
-        number is given as ``./0``.
+        A video file, a TIFF of several pages or an animated WebP; a folder of images; the number
+        of a camera, from 0; an address (``rtsp://``, ``http://``, ...); ``"-"`` for standard
+        input. A file named like a number is given as ``./0``.
     raw : RawFormat or None
         Set for headerless frames, in a file or from standard input.
+    stream : int or None
+        Which of several video streams, from 0; None for the one with the most pixels.
+    levels : (low, high) or None
+        The values that become 0 and 255, of sources with more than 8 bits a value; None takes
+        them from the first frames, once for the whole source.
+    sound : bool
+        Whether to keep the sound for a `VideoSink` to copy (`SourceFacts.sound`); without
+        anybody who takes it, memory grows.
 
     Returns
     -------
@@ -74,20 +91,38 @@ def open_source(spec: str | int | Path, *, raw: RawFormat | None = None) -> Sour
     ------
     SourceError
         If it cannot be opened or holds no frame; one line that names it and says what to do.
+    ArgumentError
+        `levels` are no two values, the darker one first.
     """
+    chosen = _Chosen(stream, None if levels is None else Levels(*levels), sound)
     if isinstance(spec, int):
-        return open_camera(spec)
+        return _open_camera(spec, chosen)
     text = str(spec)
     camera = camera_number(text)
     if camera is not None:
-        return open_camera(camera)
+        return _open_camera(camera, chosen)
     if text == STDIN:
-        return _open_stdin(raw)
+        return _open_stdin(raw, chosen)
     if is_address(text) and not text.lower().startswith("file://"):
-        return open_address(text)
+        return open_address(text, stream=stream, levels=chosen.levels, sound=sound)
     if is_address(text):
         text = unquote(urlsplit(text).path)
-    return _open_path(text, raw)
+    return _open_path(text, raw, chosen)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """The choices of `open_source` that only some kinds of source have."""
+
+    stream: int | None
+    levels: Levels | None
+    sound: bool
+
+    def check_single_stream(self, name: str) -> None:
+        if self.stream is not None:
+            raise SourceError(
+                f"{name}: has no video streams to choose from; leave out the stream {self.stream}"
+            )
 
 
 def camera_number(spec: str) -> int | None:
@@ -96,7 +131,14 @@ def camera_number(spec: str) -> int | None:
     return None if camera is None else int(camera[1])
 
 
-def _open_stdin(raw: RawFormat | None) -> Source:
+def _open_camera(index: int, chosen: _Chosen) -> Source:
+    chosen.check_single_stream(f"camera {index}")
+    if chosen.levels is not None:
+        raise SourceError(f"camera {index}: has 8 bits a value; leave out the levels")
+    return open_camera(index)
+
+
+def _open_stdin(raw: RawFormat | None, chosen: _Chosen) -> Source:
     if sys.stdin is None or sys.stdin.isatty():
         raise SourceError("standard input: nothing is piped in; use e.g. `... | ssiam track -`")
     stdin = cast(BufferedReader, sys.stdin.buffer)
@@ -105,14 +147,15 @@ def _open_stdin(raw: RawFormat | None) -> Source:
         file=stdin if stdin.seekable() else Pipe(stdin),
         advice="pipe in y4m, mpegts or matroska, or say how raw frames are laid out",
     )
-    return open_container(_with_raw(given, raw))
+    return open_container(_completed(given, raw, chosen))
 
 
-def _open_path(text: str, raw: RawFormat | None) -> Source:
+def _open_path(text: str, raw: RawFormat | None, chosen: _Chosen) -> Source:
     path = Path(text)
     try:
         if path.is_dir() and text:
-            return open_folder(path)
+            chosen.check_single_stream(text)
+            return open_folder(path, levels=chosen.levels)
         if not path.exists() or not text:
             raise SourceError(f"{text or 'empty name'}: no such file or folder; check the path")
         head = _head(path) if path.is_file() else b"?"
@@ -120,26 +163,27 @@ def _open_path(text: str, raw: RawFormat | None) -> Source:
         raise SourceError(f"{text}: cannot be read ({error.strerror}); check the path") from None
     if not head:
         raise SourceError(f"{text}: the file is empty; get it again")
+    if raw is None and is_stack(head):
+        chosen.check_single_stream(text)
+        return open_stack(path, levels=chosen.levels)
     # "file:" keeps a colon or a percent sign in the name from meaning something to FFmpeg.
     given = Input(name=text, file=f"file:{text}", advice=_advice(head))
-    return open_container(_with_raw(given, raw))
+    return open_container(_completed(given, raw, chosen))
 
 
-def _with_raw(given: Input, raw: RawFormat | None) -> Input:
+def _completed(given: Input, raw: RawFormat | None, chosen: _Chosen) -> Input:
+    """What is to be opened, with the choices of `open_source`."""
+    given = replace(given, stream=chosen.stream, levels=chosen.levels, sound=chosen.sound)
     if raw is None:
         return given
-    return Input(
-        name=given.name,
-        file=given.file,
-        format="rawvideo",
-        options=raw.options(),
-        advice=f"check the raw format {raw}",
+    return replace(
+        given, format="rawvideo", options=raw.options(), advice=f"check the raw format {raw}"
     )
 
 
 def _head(path: Path) -> bytes:
     with path.open("rb") as file:
-        return file.read(12)
+        return file.read(32)
 
 
 def _advice(head: bytes) -> str:

@@ -150,7 +150,11 @@ class Following:
         if recording and self.newest is None:
             raise CommandError("not-possible", "no frame has come yet: ask again when one has")
         rate = self._feed.fps or self._rate()
-        return self._recordings.begin(rate) if recording else self._recordings.end()
+        return (
+            self._recordings.begin(rate, self._feed.pixel_aspect)
+            if recording
+            else self._recordings.end()
+        )
 
     def _is_afresh(self, frame: Frame) -> bool:
         """Whether frames of a new kind begin: the first one, a restart, another size."""

@@ -32,6 +32,7 @@ FILES: Final = (
     *(_VIDEO, *_TABLES, *_EXPORTS),
     *("video.part.mp4", "results.part.csv", "results.part.jsonl"),
 )
+_SQUARE: Final = Fraction(1)
 _LONGEST: Final = 30 * 60 * 60  # frames: an hour at 30 a second
 
 
@@ -49,6 +50,8 @@ class Recorder:
         Of frames that have no time.
     changed : callable
         Called when the recording is complete.
+    pixel_aspect : Fraction
+        Width of a pixel by its height, as players are to show it.
 
     Raises
     ------
@@ -56,7 +59,13 @@ class Recorder:
         The folder or a file in it cannot be written.
     """
 
-    def __init__(self, folder: Path, fps: float, changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        fps: float,
+        changed: Callable[[], None],
+        pixel_aspect: Fraction = _SQUARE,
+    ) -> None:
         try:
             folder.mkdir()
         except OSError as error:
@@ -69,7 +78,9 @@ class Recorder:
         self._size_wh = (0, 0)
         self._backlog = Backlog()
         with ExitStack() as stack:
-            self._video = stack.enter_context(VideoSink(folder / _VIDEO, self._fps))
+            self._video = stack.enter_context(
+                VideoSink(folder / _VIDEO, self._fps, pixel_aspect=pixel_aspect)
+            )
             self._tables: list[ResultSink] = [
                 stack.enter_context(open_results(folder / name)) for name in _TABLES
             ]
@@ -122,14 +133,15 @@ class Recorder:
         self._size_wh = (width, height)
         tracks = [target.track for target in targets]
         drawn = draw_tracks(frame.image, tracks, numbers=[target.id for target in targets])
-        self._video.write(drawn, frame.time)
+        # Times are those of the recorded video, not of the session.
+        time = self._video.write(drawn, frame.time)
         for target in targets:
             self._names[target.id] = target.name
-            row = Row(self._frames, frame.time, target.id, target.track)
+            row = Row(self._frames, time, target.id, target.track)
             for table in self._tables:
                 table.write_row(row)
         self._frames += 1
-        self._seconds = self._frames / float(self._fps)
+        self._seconds = (time or 0.0) + 1 / float(self._fps)
 
     def _export(self) -> None:
         """Write what other programs read."""

@@ -6,6 +6,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from datetime import datetime
+from fractions import Fraction
 from itertools import count
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +17,7 @@ from ssiam.web.recorder import FILES, Recorder
 from ssiam.web.rota import Rota
 from ssiam.web.step import Step
 
+_SQUARE: Final = Fraction(1)
 _MOST: Final = 50  # recordings of one session
 
 
@@ -54,8 +56,10 @@ class Recordings:
         """Name of the open recording."""
         return None if self._open is None else self._open.name
 
-    def begin(self, fps: float) -> str:
+    def begin(self, fps: float, pixel_aspect: Fraction = _SQUARE) -> str:
         """Open a recording of frames that come at about `fps`; its name.
+
+        `pixel_aspect` is the width of a pixel by its height, as players are to show it.
 
         Raises
         ------
@@ -68,7 +72,7 @@ class Recordings:
             raise CommandError("not-possible", f"there are {_MOST} recordings: start ssiam anew")
         name = self._new_name()
         try:
-            recorder = Recorder(self._folder / name, fps, self._tell)
+            recorder = Recorder(self._folder / name, fps, self._tell, pixel_aspect)
         except SinkError as error:
             raise CommandError("not-possible", str(error)) from error
         with self._lock:

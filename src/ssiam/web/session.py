@@ -73,6 +73,8 @@ class Session:
         name: str = "tracker",
         pace: Literal["clock", "fast"] = "clock",
         recordings: Path | None = None,
+        stream: int | None = None,
+        levels: tuple[float, float] | None = None,
     ) -> Session:
         """A session on a source, not started yet.
 
@@ -86,9 +88,12 @@ class Session:
             The tracker's, for people.
         recordings : Path, optional
             Folder that keeps them.
+        stream : int, optional
+        levels : (low, high), optional
+            Both as `ssiam.video.open_source` takes them.
         """
         news: Rota[Note] = Rota()
-        feed = open_feed(source, pace=pace, notes=news.tell)
+        feed = open_feed(source, pace=pace, notes=news.tell, stream=stream, levels=levels)
         try:
             return cls(feed, tracker, name, Recordings(recordings), news)
         except SsiamError:

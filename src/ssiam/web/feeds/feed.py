@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from functools import partial
 from typing import Literal, Protocol
 
 from ssiam.video import Source, open_source
 from ssiam.video.addresses import is_address, open_address, public_name
+from ssiam.video.levels import Levels
 from ssiam.video.sources import STDIN, camera_number
 from ssiam.web.errors import Note
 from ssiam.web.feeds.newest import Arrival, FeedState
@@ -43,6 +45,10 @@ class Feed(Protocol):
     @property
     def fps(self) -> float | None:
         """Frames a second as announced, or as measured of a browser; None if unknown."""
+
+    @property
+    def pixel_aspect(self) -> Fraction:
+        """Width of a pixel by its height, as it is to be shown."""
 
     @property
     def length(self) -> int | None:
@@ -89,6 +95,8 @@ def open_feed(
     *,
     pace: Literal["clock", "fast"] = "clock",
     notes: Callable[[Note], None],
+    stream: int | None = None,
+    levels: tuple[float, float] | None = None,
 ) -> Feed:
     """The feed of a source.
 
@@ -101,6 +109,9 @@ def open_feed(
         each waits until it is taken. Cameras and streams have only their own pace.
     notes : callable
         Told what happens to the source, on a thread of the feed's.
+    stream : int or None
+    levels : (low, high) or None
+        Both as `open_source` takes them.
 
     Raises
     ------
@@ -110,9 +121,9 @@ def open_feed(
     if spec == BROWSER:
         return PushedFeed(BROWSER)
     if spec == STDIN and is_piped():
-        source, stop = open_pipe()
+        source, stop = open_pipe(stream, levels)
         return PacedFeed(source, notes, in_step=pace == "fast", stop=stop)
-    reopen = partial(_open, spec)
+    reopen = partial(_open, spec, stream, levels)
     source = reopen()
     if _is_live(spec, source):
         return ReconnectingFeed(source, notes, reopen, in_bursts=_is_playlist(spec))
@@ -120,10 +131,11 @@ def open_feed(
     return PacedFeed(source, notes, reopen=again, in_step=pace == "fast")
 
 
-def _open(spec: str) -> Source:
+def _open(spec: str, stream: int | None, levels: tuple[float, float] | None) -> Source:
     if not _is_remote(spec) or _is_playlist(spec):
-        return open_source(spec)
-    return open_address(spec, silence=_SILENCE)
+        return open_source(spec, stream=stream, levels=levels)
+    chosen = None if levels is None else Levels(*levels)
+    return open_address(spec, silence=_SILENCE, stream=stream, levels=chosen)
 
 
 def _is_live(spec: str, source: Source) -> bool:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal, TypeAlias
 
-from ssiam.video import Frame
+from ssiam.video import Frame, Source
 from ssiam.web.errors import CommandError
 
 FeedState: TypeAlias = Literal["playing", "reconnecting", "ended"]
@@ -30,6 +31,11 @@ class Arrival:
     arrived: float
 
 
+def told_fps(source: Source) -> float | None:
+    """Frames a second as the source tells them; None where it tells none."""
+    return float(source.fps) if source.facts.is_rate_known else None
+
+
 class Newest:
     """What all feeds have in common: the newest frame, and standing still.
 
@@ -47,6 +53,8 @@ class Newest:
     """
 
     seekable = False
+    # Width of a pixel by its height, as players are to show it.
+    pixel_aspect = Fraction(1)
 
     def __init__(
         self,

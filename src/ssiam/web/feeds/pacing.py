@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.errors import Note
-from ssiam.web.feeds.newest import Newest
+from ssiam.web.feeds.newest import Newest, told_fps
 
 # Seconds by which a frame may be late and still be caught up with, and by which it may be early
 # and still be waited for. What is further off is a new beginning: a computer that slept, a
@@ -80,7 +80,8 @@ class PacedFeed(Newest):
         in_step: bool = False,
         stop: Callable[[], None] | None = None,
     ) -> None:
-        super().__init__(source.name, source.size_wh, float(source.fps), source.length)
+        super().__init__(source.name, source.size_wh, told_fps(source), source.length)
+        self.pixel_aspect = source.facts.pixel_aspect
         self.seekable = reopen is not None
         self._notes = notes
         self._reopen = reopen
@@ -134,6 +135,9 @@ class PacedFeed(Newest):
                         return
         except SsiamError as error:
             self._notes(Note("error", str(error)))
+        if source.facts.undecoded:
+            text = f"{source.facts.undecoded} frames of {self.name} could not be decoded"
+            self._notes(Note("warning", text))
         with self._changed:
             if run == self._run:
                 self._state = "ended"

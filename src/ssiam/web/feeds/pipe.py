@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ssiam.video import Source
 from ssiam.video.containers import Input, open_container
+from ssiam.video.levels import Levels
 from ssiam.video.pipes import Pipe
 
 if TYPE_CHECKING:
@@ -53,8 +54,12 @@ def is_piped() -> bool:
     return sys.stdin is not None and not sys.stdin.isatty() and not sys.stdin.buffer.seekable()
 
 
-def open_pipe() -> tuple[Source, Callable[[], None]]:
+def open_pipe(
+    stream: int | None = None, levels: tuple[float, float] | None = None
+) -> tuple[Source, Callable[[], None]]:
     """`Source` of standard input, and what ends it while it waits, from any thread.
+
+    `stream` and `levels` are those of `open_source`.
 
     Raises
     ------
@@ -66,5 +71,7 @@ def open_pipe() -> tuple[Source, Callable[[], None]]:
         name="standard input",
         file=Pipe(io.BufferedReader(raw)),
         advice="pipe in y4m, mpegts or matroska",
+        stream=stream,
+        levels=None if levels is None else Levels(*levels),
     )
     return open_container(given), raw.stop

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.errors import Note
-from ssiam.web.feeds.newest import Newest
+from ssiam.web.feeds.newest import Newest, told_fps
 from ssiam.web.feeds.pacing import PlayClock
 
 _log = logging.getLogger(__name__)
@@ -92,7 +92,8 @@ class ReconnectingFeed(Newest):
         *,
         in_bursts: bool = False,
     ) -> None:
-        super().__init__(source.name, source.size_wh, float(source.fps))
+        super().__init__(source.name, source.size_wh, told_fps(source))
+        self.pixel_aspect = source.facts.pixel_aspect
         self._notes = notes
         self._reopen = reopen
         self._in_bursts = in_bursts
@@ -154,7 +155,7 @@ class ReconnectingFeed(Newest):
     def _welcome(self, source: Source) -> None:
         """Go on with a source that is back."""
         before, self.size_wh = self.size_wh, source.size_wh
-        self.fps = float(source.fps)
+        self.fps, self.pixel_aspect = told_fps(source), source.facts.pixel_aspect
         self._time.reconnected()
         self._state = "playing"
         width, height = source.size_wh

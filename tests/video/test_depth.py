@@ -1,0 +1,180 @@
+"""Values of more than 8 bits: one stretch for a whole source."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+import pytest
+from clips import number_in, picture, python
+
+from ssiam.errors import ArgumentError, SourceError
+from ssiam.video import RawFormat, open_source
+from ssiam.video.levels import LEVEL_FRAMES, Levels, levels_of
+
+LOW, SCALE = 7000, 6
+
+
+def gray(number):
+    return cv2.cvtColor(picture(number), cv2.COLOR_BGR2GRAY)
+
+
+def thermal(number):
+    """14 bits in 16, as thermal cameras have them: the scene fills a fortieth of the range."""
+    return (LOW + gray(number).astype(np.uint16) * SCALE).astype(np.uint16)
+
+
+def _folder(tmp_path, suffix, image_of, count=12):
+    folder = tmp_path / "seq"
+    folder.mkdir()
+    for number in range(count):
+        cv2.imwrite(str(folder / f"{number}{suffix}"), image_of(number))
+    return folder
+
+
+def _video(tmp_path, pixel_format, image_of, count=12):
+    path = tmp_path / "thermal.mkv"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, pixel_format
+        for number in range(count):
+            frame = av.VideoFrame.from_ndarray(image_of(number), format=pixel_format)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
+def _sources(tmp_path):
+    return {
+        "png": lambda: _folder(tmp_path, ".png", thermal),
+        "tiff": lambda: _folder(tmp_path, ".tiff", thermal),
+        "float tiff": lambda: _folder(
+            tmp_path, ".tif", lambda number: (thermal(number) / 100 - 273.15).astype(np.float32)
+        ),
+        "gray16": lambda: _video(tmp_path, "gray16le", thermal),
+        "gray12": lambda: _video(tmp_path, "gray12le", lambda number: thermal(number) - 6000),
+        "color": lambda: _folder(
+            tmp_path, ".png", lambda n: (200 + picture(n).astype(np.uint16) * 4).astype(np.uint16)
+        ),
+    }
+
+
+@pytest.mark.parametrize("kind", ["png", "tiff", "float tiff", "gray16", "gray12", "color"])
+def test_deep_sources_keep_what_they_show(tmp_path, kind):
+    with open_source(_sources(tmp_path)[kind]()) as source:
+        frames = list(source)
+    assert [number_in(frame.image) for frame in frames] == list(range(12))
+    stretched = frames[3].image.astype(float)
+    true = picture(3) if kind == "color" else cv2.cvtColor(gray(3), cv2.COLOR_GRAY2BGR)
+    assert len(np.unique(frames[3].image)) > 0.8 * len(np.unique(true))
+    assert np.corrcoef(stretched.ravel(), true.ravel())[0, 1] > 0.999
+    assert "--levels" in source.facts.remarks[0]
+
+
+def test_one_stretch_for_the_whole_source(tmp_path):
+    """Something hot that comes into view must not darken the rest."""
+
+    def image_of(number):
+        image = thermal(0)
+        if number >= 10:
+            image[60:, 100:] = 20000
+        return image
+
+    with open_source(_folder(tmp_path, ".png", image_of)) as source:
+        frames = [frame.image for frame in source]
+    assert np.array_equal(frames[0][:60, :100], frames[11][:60, :100])
+    assert (frames[11][60:, 100:] == 255).all()
+
+
+def test_levels_of_ones_own(tmp_path):
+    folder = _folder(tmp_path, ".png", thermal)
+    with open_source(folder, levels=(LOW, LOW + 255 * SCALE)) as source:
+        frame = next(source)
+        assert source.facts.remarks == []
+    assert np.abs(frame.image[..., 0].astype(int) - gray(0)).max() <= 1
+
+
+def test_the_first_frames_may_show_nothing(tmp_path):
+    """A thermal camera closes its shutter when it begins."""
+
+    def image_of(number):
+        flat = np.full((96, 160), 3000, np.uint16) + (np.arange(160) % 3).astype(np.uint16)
+        return thermal(number) if number > LEVEL_FRAMES + 1 else flat
+
+    folder = _folder(tmp_path, ".png", image_of, LEVEL_FRAMES + 6)
+    with open_source(folder) as source:
+        frames = [frame.image for frame in source]
+    assert len(frames) == LEVEL_FRAMES + 6
+    assert (frames[0] == 128).all()
+    assert [number_in(image) for image in frames[LEVEL_FRAMES + 2 :]] == [10, 11, 12, 13]
+
+
+def test_frames_before_a_fault_are_not_held_back(tmp_path):
+    folder = _folder(tmp_path, ".png", thermal, 4)
+    (folder / "3.png").write_bytes(b"not an image")
+    delivered = []
+    with open_source(folder) as source, pytest.raises(Exception, match="after 3 of 4 frames"):
+        delivered.extend(number_in(frame.image) for frame in source)
+    assert delivered == [0, 1, 2]
+
+
+def test_raw_gray16_from_a_file(tmp_path):
+    path = tmp_path / "frames.raw"
+    path.write_bytes(b"".join(thermal(number).tobytes() for number in range(3)))
+    with open_source(path, raw=RawFormat((160, 96), "gray16le", Fraction(9))) as source:
+        frames = list(source)
+    assert [number_in(frame.image) for frame in frames] == [0, 1, 2]
+    assert [frame.time for frame in frames] == pytest.approx([0, 1 / 9, 2 / 9])
+
+
+def test_eight_bits_are_left_alone(tmp_path):
+    folder = _folder(tmp_path, ".png", picture, 3)
+    with open_source(folder) as source:
+        assert all(np.array_equal(f.image, picture(f.index)) for f in source)
+        assert source.facts.remarks == []
+    with pytest.raises(SourceError, match=r"has 8 bits a value already; leave out the levels 1,9"):
+        open_source(folder, levels=(1, 9))
+    with pytest.raises(SourceError, match="leave out the levels"):
+        open_source(99, levels=(1, 9))
+
+
+@pytest.mark.parametrize("levels", [(5, 5), (9, 1), (float("nan"), 1), (0, float("inf"))])
+def test_impossible_levels(levels):
+    with pytest.raises(ArgumentError, match="the darker one first"):
+        open_source("nowhere.mp4", levels=levels)
+    with pytest.raises(ArgumentError):
+        Levels(*levels)
+
+
+def test_levels_of_nothing():
+    assert levels_of([]) is None
+    assert levels_of([np.full((9, 9), np.nan, np.float32)]) is None
+    assert levels_of([picture(1)]) is None
+    hot = np.full((100, 100), 300.0, np.float32)
+    hot[0, 0], hot[:50] = np.inf, 290.0
+    levels = levels_of([hot])
+    assert (levels.low, levels.high) == pytest.approx((289.5, 300.5))
+
+
+_PEAK = """
+import resource, sys
+from ssiam.video import open_source
+with open_source(sys.argv[1]) as source:
+    print(sum(1 for _ in source), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+def test_memory_of_a_long_stack(tmp_path):
+    """200 pages of 0.6 MB."""
+    page = np.random.default_rng(0).integers(0, 60000, (480, 640)).astype(np.uint16)
+    peaks = []
+    for count in (40, 240):
+        path = tmp_path / f"{count}.tif"
+        cv2.imwritemulti(str(path), [page] * count, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+        frames, peak = python(_PEAK, str(path), stdout=-1).communicate()[0].split()
+        assert int(frames) == count
+        peaks.append(int(peak))
+    # The file itself is mapped, not read: pages of it that were used may still count.
+    assert peaks[1] - peaks[0] < 180
