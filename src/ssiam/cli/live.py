@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from types import TracebackType
+from typing import Annotated, Final, Literal
 
 from cyclopts import Group, Parameter
 
 from ssiam.cli.choice import STEADYING, TrackerChoice
+from ssiam.errors import IncompleteError
 from ssiam.stabilize import StabilizerConfig
 from ssiam.web import Note, Session
+from ssiam.web.recording import left_behind
 
 _CHOICE = TrackerChoice()
 _STEADY = StabilizerConfig()
+
+STUCK: Final = 3
+"""Exit code where tracking did not come to an end."""
 
 _PAGE = Group("Page", sort_key=2)
 _MACHINES = Group("Other programs", sort_key=3)
@@ -67,8 +75,12 @@ def live(
         session = Session.open(
             source, tracker, name=choice.tracker, pace=pace, recordings=recordings
         )
+        stack.push(partial(_leave, session))
         stack.callback(session.close)
         session.notes(_show)
+        for folder in left_behind():
+            text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
+            _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
         session.start()
         if mavlink is not None:
@@ -81,6 +93,24 @@ def live(
             stack.enter_context(RerunTap(session, rerun))
         print(f"{session.info.source}: {server.address} (Ctrl-C ends)", flush=True)
         server.run()
+    if session.health.state == "failed":
+        raise IncompleteError(session.health.message)
+
+
+def _leave(
+    session: Session,
+    kind: type[BaseException] | None,
+    error: BaseException | None,
+    trace: TracebackType | None,
+) -> None:
+    """End the process at once if a closed session's thread is stuck: nothing else would end it."""
+    if not session.stuck:
+        return
+    print(f"ssiam: {session.health.message or 'tracking did not end'}", file=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    code = error.code if isinstance(error, SystemExit) else None
+    os._exit(code if isinstance(code, int) else STUCK)
 
 
 def _show(note: Note) -> None:
