@@ -72,7 +72,7 @@ def track(
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(source, raw=_raw_format(raw)))
         first = next(frames)
-        group = TrackerGroup(choice.load(config))
+        group = TrackerGroup(choice.load(config), keep_going=True)
         group.init(first.image, boxes)
         if out is None and results is None and plot is None:
             out, results = (Path(f"{_stem(source)}-tracked{suffix}") for suffix in (".mp4", ".csv"))
@@ -90,6 +90,7 @@ def track(
         stack.callback(report.show, outputs.written)
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
+    report.check_whole()
 
 
 def _follow(
@@ -108,6 +109,7 @@ def _follow(
             with report.clock:
                 tracks = group.update(frame.image, None if following is None else following.image)
             report.add(tracks)
+            report.fail(frame.index, group)
             outputs.write(frame, tracks, report.clock.fps)
             progress.step(report.clock.fps)
 

@@ -125,7 +125,7 @@ class Recorder:
             text = f"recording {self.name} has ended: {self._facts.error}; the rest is kept"
             if self._asked_to_end:
                 text = f"recording {self.name} is not whole: {self._facts.error}"
-            _log.error("%s", text)
+            _log.info("%s", text)
             self._note(Note("error", text))
         self._changed()
 

@@ -247,7 +247,7 @@ class Session:
             "does; if it never does, end ssiam (Ctrl-C) and start it again with another tracker "
             "or box"
         )
-        _log.error("%s", text)
+        _log.info("%s", text)
         self._become(Health("stalled", text))
         answer = self._under_way
         if answer is not None:
@@ -257,7 +257,7 @@ class Session:
     def _recovered(self, work: str, seconds: float) -> None:
         """It has ended after all; on the session's thread."""
         text = f"tracking goes on: {work} took {seconds:.0f} s"
-        _log.warning("%s", text)
+        _log.info("%s", text)
         self._become(Health())
         self._news.tell(Note("info", text))
 

@@ -86,9 +86,11 @@ class Targets:
         running = [each for each in self._followed if each.tracker is not None]
         tracks = self._group.update(frame.image)
         for place, (each, track) in enumerate(zip(running, tracks, strict=True)):
-            each.found = each.track is not None and each.track.lost and not track.lost
-            each.track = track
             error = self._group.failures.get(place)
+            # A frame on which the tracker failed neither loses the target nor finds it again.
+            was_lost = each.track is not None and each.track.lost and not each.error
+            each.found = was_lost and not track.lost
+            each.track = track
             each.error = "" if error is None else self._failed(f"the tracker of {each.name}", error)
         self._report_camera()
         self._begin_waiting(frame)

@@ -48,7 +48,9 @@ class Troubles:
         self._noted[message] = now
         count = self._untold.pop(message, 0)
         times = f" (and {count} times more since it was last reported)" if count else ""
-        # The traceback of an error that is not made for people is for who mends it.
-        _log.error("%s", message, exc_info=None if isinstance(error, SsiamError) else error)
+        if isinstance(error, SsiamError):
+            _log.info("%s", message)
+        else:
+            _log.error("%s", message, exc_info=error)
         self._note(Note("error", message + times))
         return text

@@ -73,7 +73,7 @@ def test_a_step_is_header_and_pictures():
         },
         "pictures": [{"view": "raw", "bytes": 3}, {"view": "steadied", "bytes": 5}],
         **{"latency": 0.0125, "fps": 29.97, "dropped": 3, "skipped": 2, "clients": 1},
-        **{"playing": "playing", "recording": None},
+        **{"playing": "playing", "recording": None, "error": None},
     }
 
 
