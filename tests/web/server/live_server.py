@@ -96,10 +96,10 @@ class Live:
 
 
 @contextmanager
-def serving(*, webcam=False, size=SIZE, recordings=None, **options):
+def serving(*, webcam=False, size=SIZE, recordings=None, tracker="csrt", **options):
     """A served session; `options` are those of `LiveServer`."""
     feed, news = PushedFeed() if webcam else EndlessFeed(size), Rota()
-    tracker = ssiam.load_tracker("csrt", stabilize="predict")
+    tracker = ssiam.load_tracker(tracker, stabilize="predict")
     options = {"port": 0, "limits": HASTY, **options}
     with (
         Session(feed, tracker, "csrt", Recordings(recordings), news=news) as session,
