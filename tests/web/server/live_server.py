@@ -34,12 +34,16 @@ class EndlessFeed(Newest):
 
     def __init__(self, size):
         super().__init__("endless", size, RATE)
-        background = world(1, size)
-        shifts = [(3 * np.sin(k), 2 * np.cos(k), 0.0) for k in range(6)]
-        self._pictures = [seen(background, pose) for pose in poses(shifts, size)]
+        self.resize(size)
         self.brought = 0
         self._thread = threading.Thread(target=self._bring, daemon=True)
         self._thread.start()
+
+    def resize(self, size):
+        """Have frames of another size from now on."""
+        background = world(1, size)
+        shifts = [(3 * np.sin(k), 2 * np.cos(k), 0.0) for k in range(6)]
+        self._pictures = [seen(background, pose) for pose in poses(shifts, size)]
 
     def _bring(self):
         while not self._closed:
