@@ -15,7 +15,7 @@ from cyclopts import Group, Parameter
 from ssiam.cli.choice import STEADYING, TrackerChoice
 from ssiam.errors import IncompleteError
 from ssiam.stabilize import StabilizerConfig
-from ssiam.web import Note, Session
+from ssiam.web import Health, Note, Session
 from ssiam.web.recording import left_behind
 
 _CHOICE = TrackerChoice()
@@ -78,6 +78,7 @@ def live(
         stack.push(partial(_leave, session))
         stack.callback(session.close)
         session.notes(_show)
+        session.healths(_show)
         for folder in left_behind():
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             _show(Note("info", f"{text} lists them"))
@@ -113,5 +114,6 @@ def _leave(
     os._exit(code if isinstance(code, int) else STUCK)
 
 
-def _show(note: Note) -> None:
-    print(f"ssiam: {note.message}", file=sys.stderr, flush=True)
+def _show(news: Note | Health) -> None:
+    if news.message:
+        print(f"ssiam: {news.message}", file=sys.stderr, flush=True)

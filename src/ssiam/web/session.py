@@ -243,7 +243,7 @@ class Session:
     def _stalled(self, work: str) -> None:
         """Some work takes so long that it may never end; on the watchdog's thread."""
         text = (
-            f"tracking stands still: {work} has not come to an end. Nothing is tracked until it "
+            f"Tracking stands still: {work} has not come to an end. Nothing is tracked until it "
             "does; if it never does, end ssiam (Ctrl-C) and start it again with another tracker "
             "or box"
         )
@@ -256,13 +256,13 @@ class Session:
 
     def _recovered(self, work: str, seconds: float) -> None:
         """It has ended after all; on the session's thread."""
-        text = f"tracking goes on: {work} took {seconds:.0f} s"
+        text = f"Tracking goes on: {work} took {seconds:.0f} s"
         _log.info("%s", text)
         self._become(Health())
         self._news.tell(Note("info", text))
 
     def _die(self, error: BaseException) -> None:
-        text = f"tracking has ended because of an error in ssiam: {one_line(error)}"
+        text = f"Tracking has ended because of an error in ssiam: {one_line(error)}"
         _log.critical("%s", text, exc_info=error)
         self._become(Health("failed", text))
         if self._under_way is not None:
@@ -271,8 +271,6 @@ class Session:
 
     def _become(self, health: Health) -> None:
         self._health = health
-        if health.message:
-            self._news.tell(Note("error", health.message))
         self._healths.tell(health)
 
     def _refuse_waiting(self) -> None:

@@ -46,11 +46,11 @@ def test_a_frame_that_does_not_end_is_shown_until_it_does(visit, viewport):
         visitor.until_step(lambda step: True)
         server.session.submit(commands.Add(BOX)).result(10)
         alert = visitor.page.get_by_role("alert")
-        alert.get_by_text("tracking stands still").wait_for()
+        alert.get_by_text("Tracking stands still").wait_for()
         visitor.page.locator("[data-playing=stalled]").wait_for()
         assert not visitor.page.get_by_role("button", name="Try now").is_visible()
         late = visit(server.address, viewport)
-        late.page.get_by_role("alert").get_by_text("tracking stands still").wait_for()
+        late.page.get_by_role("alert").get_by_text("Tracking stands still").wait_for()
         assert visitor.page.evaluate("document.documentElement.scrollWidth") == viewport["width"]
         hang.let_go.set()
         alert.wait_for(state="hidden")
@@ -66,10 +66,10 @@ def test_tracking_that_has_ended_is_still_shown_when_the_server_is_gone(visit):
         visitor.until_step(lambda step: True)
         server.session.submit(commands.Add(BOX)).result(10)
         alert = visitor.page.get_by_role("alert")
-        alert.get_by_text("tracking has ended because of an error").wait_for()
+        alert.get_by_text("Tracking has ended because of an error").wait_for()
         visitor.page.locator("[data-playing=failed]").wait_for()
     visitor.page.get_by_role("button", name="Try now").wait_for()
-    assert "tracking has ended because of an error" in alert.inner_text()
+    assert "Tracking has ended because of an error" in alert.inner_text()
     assert "SystemExit: out of the thread" in alert.inner_text()
 
 
