@@ -246,5 +246,3 @@ def test_tracking_that_dies_ends_it_with_a_code(clip, start, tmp_path):
 
 def with_tests_on_the_path():
     return {**os.environ, "PYTHONPATH": ":".join(sys.path)}
-
-

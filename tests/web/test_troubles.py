@@ -33,9 +33,7 @@ class Told:
 
     def __init__(self, tracker, feed=None, **options):
         self.steps, self.notes, self.healths = [], [], []
-        self.session = Session(
-            feed or EndlessFeed(SIZE), tracker, "kcf", Recordings(), **options
-        )
+        self.session = Session(feed or EndlessFeed(SIZE), tracker, "kcf", Recordings(), **options)
         self.session.listen(self.steps.append)
         self.session.notes(self.notes.append)
         self.session.healths(self.healths.append)
@@ -244,9 +242,7 @@ def test_everything_is_told_through_the_socket():
 
 def test_a_failing_tracker_is_told_in_every_step():
     with (
-        Session(
-            EndlessFeed(SIZE), troubled_tracker(every_tenth), "kcf", Recordings()
-        ) as session,
+        Session(EndlessFeed(SIZE), troubled_tracker(every_tenth), "kcf", Recordings()) as session,
         LiveServer(session, port=0) as server,
         Client(Served(session, server)) as client,
     ):
@@ -261,5 +257,3 @@ class Served:
     def __init__(self, session, server):
         self.session = session
         self.url = f"ws://127.0.0.1:{server.access.port}/session"
-
-

@@ -155,9 +155,7 @@ def run_all(todo: Sequence[Task], jobs: int = 1, cluster: str | None = None) -> 
     if cluster is None and jobs == 1:
         yield from map(run_task, waiting)
     elif waiting:
-        yield from in_parallel(
-            run_task, waiting, jobs, waiting[0].threads, cluster, failed=_failed
-        )
+        yield from in_parallel(run_task, waiting, jobs, waiting[0].threads, cluster, failed=_failed)
 
 
 def run_task(task: Task) -> Done:

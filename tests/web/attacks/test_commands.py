@@ -33,7 +33,18 @@ ANSWERS = {
     "not-possible",
 }
 NUMBERS = (0, 1, 2, -1, 0.5, 3, 4, 59, 118, 119, 160, 161, 1e6, -1e6, 1e5, 2**31, 2**53, 1e308)
-TEXTS = ("", " ", "a" * 41, "b" * 60_000, "\ud800", "\0", "😀", "../../etc/passwd", "<script>", None)
+TEXTS = (
+    "",
+    " ",
+    "a" * 41,
+    "b" * 60_000,
+    "\ud800",
+    "\0",
+    "😀",
+    "../../etc/passwd",
+    "<script>",
+    None,
+)
 
 
 def a_number(r):
@@ -91,9 +102,7 @@ def hostile(r):
 @pytest.mark.parametrize(
     ("tracker", "count"), [("kcf", COMMANDS), ("csrt", 200), ("mil", 100), ("lite", 200)]
 )
-def test_every_hostile_command_is_followed_by_a_good_one_that_is_answered(
-    tracker, count, tmp_path
-):
+def test_every_hostile_command_is_followed_by_a_good_one_that_is_answered(tracker, count, tmp_path):
     r = np.random.default_rng(7)
     with (
         serving(tracker=tracker, limits=PATIENT, recordings=tmp_path) as live,
