@@ -96,7 +96,7 @@ def record(client, box, frames=20):
 
 def is_whole(folder, minimum=1):
     """Whether a recording has all its files, which play and can be read."""
-    assert FILES <= {path.name for path in folder.iterdir()}
+    assert {path.name for path in folder.iterdir()} >= FILES
     frames = len(list(open_source(str(folder / "video.mp4"))))
     assert frames >= minimum
     assert json.loads((folder / "coco.json").read_text())["categories"][0]["name"] == "boat"

@@ -31,12 +31,14 @@ def frame():
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
 def test_a_box_is_followed_or_refused_in_one_line(frame, name, stabilize, box):
     tracker = ssiam.load_tracker(name, stabilize=stabilize)
+    refused = ""
     try:
         tracker.init(frame, box)
         tracker.update(frame)
     except SsiamError as error:
-        assert "\n" not in str(error)
-        assert name in str(error)
+        refused = str(error)
+    assert "\n" not in refused
+    assert not refused or name in refused
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4])

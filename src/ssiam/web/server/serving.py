@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
-from ssiam.errors import MissingExtraError
+from ssiam.errors import IncompleteError, MissingExtraError
 
 try:
     import uvicorn
@@ -101,13 +101,21 @@ class LiveServer:
         self._listener.close()
 
     def run(self) -> None:
-        """Serve until Ctrl-C, or until the session has failed and its clients know it."""
+        """Serve until Ctrl-C, or until the session has failed and its clients know it.
+
+        Raises
+        ------
+        IncompleteError
+            The server has ended by itself.
+        """
         # Not Thread.join, which takes a thread for ended when Ctrl-C interrupts it (CPython 3.11).
         with self, suppress(KeyboardInterrupt):
             while not self._ended.wait(_GLANCE):
                 if self._session.health.state == "failed":
                     self._ended.wait(_LAST_WORDS)
                     break
+            else:
+                raise IncompleteError(f"{self.address}: the server has ended; its log says why")
 
     def __enter__(self) -> LiveServer:
         self.start()
