@@ -195,6 +195,7 @@ class RecordingFolder:
             return [f"there are no exports: {one_line(error)}"]
         for file, kind in _EXPORTS.items():
             try:
+                (self.path / file).unlink(missing_ok=True)
                 write_exports(annotations, self.path / file, kind)
             except Exception as error:
                 problems.append(f"there is no whole {file}: {one_line(error)}")
