@@ -100,7 +100,7 @@ def hostile(r):
 
 
 @pytest.mark.parametrize(
-    ("tracker", "count"), [("kcf", COMMANDS), ("csrt", 200), ("mil", 100), ("lite", 200)]
+    ("tracker", "count"), [("lite", COMMANDS), ("csrt", 200), ("mil", 100), ("kcf", 200)]
 )
 def test_every_hostile_command_is_followed_by_a_good_one_that_is_answered(tracker, count, tmp_path):
     r = np.random.default_rng(7)
@@ -128,8 +128,8 @@ def is_well(client):
     assert added["type"] == "done", added
     step = step_until(client, lambda step: [t["name"] for t in step["targets"]] == ["good"])
     later = step_until(client, lambda later: later["number"] > step["number"] + 1)
-    assert later["error"] is None
-    assert later["targets"][0]["error"] is None
+    assert later.get("error") is None
+    assert later["targets"][0].get("error") is None
     assert client.ask(type="remove", id=added["answer"])["type"] == "done"
 
 
