@@ -1,6 +1,7 @@
 """What goes wrong in a session ends neither it nor anybody else's target, and is told."""
 
 import logging
+import threading
 import time
 from fractions import Fraction
 
@@ -12,7 +13,7 @@ from live_server import SECONDS, SIZE, EndlessFeed, until
 from troubled import Hang, every_tenth, leave, troubled_tracker
 
 import ssiam
-from ssiam.errors import SourceError
+from ssiam.errors import IncompleteError, SourceError
 from ssiam.video import Frame
 from ssiam.web import commands
 from ssiam.web.errors import CommandError
@@ -20,6 +21,7 @@ from ssiam.web.feeds.feed import open_feed
 from ssiam.web.feeds.pacing import PacedFeed
 from ssiam.web.feeds.reconnecting import ReconnectingFeed
 from ssiam.web.recording import Recordings
+from ssiam.web.rerun_tap import RerunTap
 from ssiam.web.rota import Rota
 from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
@@ -257,3 +259,28 @@ class Served:
     def __init__(self, session, server):
         self.session = session
         self.url = f"ws://127.0.0.1:{server.access.port}/session"
+
+
+def test_a_server_that_ends_by_itself_is_told(monkeypatch):
+    with Told(ssiam.load_tracker("kcf")) as told:
+        server = LiveServer(told.session, port=0)
+
+        async def broken(counter):
+            raise RuntimeError("no more")
+
+        monkeypatch.setattr(server._server, "on_tick", broken)
+        monkeypatch.setattr(threading, "excepthook", lambda args: None)
+        with pytest.raises(IncompleteError, match="the server has ended"):
+            server.run()
+
+
+def test_a_rerun_file_that_fails_is_told_and_holds_no_frames(tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    with Told(ssiam.load_tracker("kcf")) as told:
+        monkeypatch.setattr(RerunTap, "_write", staticmethod(lambda log, step: 1 / 0))
+        with RerunTap(told.session, tmp_path / "a.rrd") as tap:
+            until(lambda: told.notes)
+            count = len(told.steps)
+            until(lambda: len(told.steps) > count + 5)
+            until(lambda: tap._backlog._steps.qsize() <= 1)
+        assert "the Rerun file has ended: ZeroDivisionError" in told.notes[0].message

@@ -121,6 +121,7 @@ class Recorder:
         with self._lock:
             self._facts = self._folder.finish(replace(self._facts, error=error))
         self.is_open = False
+        self._backlog.clear()
         if self._facts.error:
             text = f"recording {self.name} has ended: {self._facts.error}; the rest is kept"
             if self._asked_to_end:

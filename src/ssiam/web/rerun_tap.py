@@ -56,6 +56,8 @@ class RerunTap:
                     self._write(log, step)
         except Exception as error:
             self._troubles.tell("the Rerun file has ended", error)
+            for _ in self._backlog:
+                pass  # frames are not held for a file that takes none
 
     @staticmethod
     def _write(log: RerunLog, step: Step) -> None:

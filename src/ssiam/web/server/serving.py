@@ -115,7 +115,8 @@ class LiveServer:
                     self._ended.wait(_LAST_WORDS)
                     break
             else:
-                raise IncompleteError(f"{self.address}: the server has ended; its log says why")
+                if not self._server.should_exit:
+                    raise IncompleteError(f"{self.address}: the server has ended; see its log")
 
     def __enter__(self) -> LiveServer:
         self.start()
