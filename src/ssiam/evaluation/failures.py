@@ -11,8 +11,8 @@ from ssiam.evaluation.lines import write_lines
 
 
 def failure_path(results: Path, sequence: str, experiment: Experiment) -> Path:
-    """``RESULTS/failed/<experiment>/<sequence>.txt``."""
-    return results / "failed" / experiment / f"{file_name(sequence)}.txt"
+    """``RESULTS/failed/<experiment>/<sequence>.log``."""
+    return results / "failed" / experiment / f"{file_name(sequence)}.log"
 
 
 def write_failure(path: Path, reason: str) -> None:
