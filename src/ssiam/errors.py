@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Final, TypeVar
+
+_LONGEST_TEXT: Final = 200  # characters of another package's message
 
 
 class SsiamError(Exception):
@@ -38,7 +40,25 @@ class MissingExtraError(SsiamError):
     """A feature whose optional dependency is not installed."""
 
 
+class TrackingError(SsiamError):
+    """A tracker that failed on a frame; it may go on with the next one."""
+
+
+class IncompleteError(SsiamError):
+    """Work that ran to its end with parts missing; what was done is kept."""
+
+
 Choice = TypeVar("Choice", bound=str)
+
+
+def one_line(error: BaseException) -> str:
+    """An error as one line for people: the text of a `SsiamError`, else its type and text."""
+    text = " ".join(str(error).split())
+    if isinstance(error, SsiamError):
+        return text
+    if len(text) > _LONGEST_TEXT:
+        text = f"{text[:_LONGEST_TEXT]}..."
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:

@@ -23,6 +23,8 @@ Points: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]
 XYWH: TypeAlias = tuple[float, float, float, float]
 
+_LARGEST_BOX = 2  # frame widths and heights
+
 IDENTITY: Transform = np.eye(3)
 IDENTITY.flags.writeable = False
 
@@ -151,8 +153,9 @@ def iou(xywh: ArrayLike, other: ArrayLike) -> Points:
 def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     """The box as four floats, or `ValueError` that says what is wrong with it.
 
-    A usable box is finite, at least one pixel in both directions, and overlaps the frame of
-    `size_wh` = (width, height) pixels.
+    A usable box is finite, at least one pixel in both directions, overlaps the frame of
+    `size_wh` = (width, height) pixels, and is at most twice as wide and high as it: trackers
+    need memory in proportion to the box.
     """
     values = tuple(float(v) for v in xywh)
     if len(values) != 4:
@@ -168,6 +171,11 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     width, height = size_wh
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
         raise ArgumentError(f"box {values} lies outside of the frame of {width}x{height} pixels")
+    if w > _LARGEST_BOX * width or h > _LARGEST_BOX * height:
+        raise ArgumentError(
+            f"box {values} is more than {_LARGEST_BOX} times the frame of {width}x{height} pixels: "
+            "give a box of about the target's size"
+        )
     return x, y, w, h
 
 

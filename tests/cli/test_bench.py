@@ -5,6 +5,7 @@ import json
 import pytest
 
 from ssiam.cli import main
+from ssiam.trackers.opencv import OpenCvTracker
 from tiny import write_dataset
 
 
@@ -35,11 +36,13 @@ def test_a_failed_run_is_told_and_the_others_are_kept(tmp_path, capsys):
     (folder / "clip1" / "img" / "0002.jpg").write_bytes(b"")
     out = tmp_path / "out"
     arguments = ["--trackers", "kcf", "--stabilize", "off,paper"]
-    assert main(["bench", str(folder), "--out", str(out), *arguments]) == 2
-    error = capsys.readouterr().err.strip()
+    assert main(["bench", str(folder), "--out", str(out), *arguments]) == 3
+    told = capsys.readouterr()
+    error = told.err.strip()
     assert "2 of 4 runs have no result" in error
     assert "clip1" in error
     assert len(error.splitlines()) == 1
+    assert told.out.count("no result: kcf-") == 2
     assert len(list(out.rglob("clip0_001.txt"))) == 2
 
 
@@ -63,6 +66,68 @@ def test_a_clip_of_motchallenge_is_run_and_scored_object_by_object(tmp_path, cap
     figures = json.loads(capsys.readouterr().out)["trackers"]["kcf-off"]
     assert figures["sequences"] == 2
     assert figures["success"] > 0.3
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_sequence_that_a_tracker_cannot_begin_on_ends_no_other(tmp_path, capsys, jobs):
+    folder = write_dataset(tmp_path / "data", sequences=3, frames=6)
+    truth = folder / "clip0" / "groundtruth_rect.txt"
+    whole = truth.read_text()
+    truth.write_text("\n".join(["54,15,1,1", *whole.splitlines()[1:]]) + "\n")
+    out = tmp_path / "out"
+    arguments = ["bench", str(folder), "--out", str(out), "--jobs", jobs]
+    arguments += ["--trackers", "csrt", "--stabilize", "off"]
+    assert main(arguments) == 3
+    told = capsys.readouterr()
+    assert "1 of 3 runs have no result" in told.err
+    assert "csrt cannot follow a box of 1x1 pixels" in told.out
+    assert "2 of 3" in told.out
+    reason = out / "csrt-off" / "failed" / "baseline" / "clip0.log"
+    assert "csrt cannot follow a box of 1x1 pixels" in reason.read_text()
+    assert {path.name for path in out.rglob("*_001.txt")} == {"clip1_001.txt", "clip2_001.txt"}
+    # It is tried again, and only it.
+    truth.write_text(whole)
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*_001.txt")}
+    assert main(arguments) == 0
+    assert "3 of 3" in capsys.readouterr().out
+    assert not reason.exists()
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_a_tracker_that_raises_anything_ends_no_other_run(tmp_path, capsys, monkeypatch):
+    folder = write_dataset(tmp_path / "data", sequences=3, frames=6)
+    track, calls = OpenCvTracker.track, []
+
+    def sometimes(tracker, view):
+        calls.append(view)
+        if len(calls) == 2:
+            raise RuntimeError("a network of\ntwo lines")
+        return track(tracker, view)
+
+    monkeypatch.setattr(OpenCvTracker, "track", sometimes)
+    arguments = ["bench", str(folder), "--out", str(tmp_path / "out"), "--trackers", "kcf"]
+    assert main([*arguments, "--stabilize", "off"]) == 3
+    told = capsys.readouterr()
+    assert "kcf-off on clip0: RuntimeError: a network of two lines" in told.err
+    assert told.err.count("\n") == 1
+    assert "2 of 3" in told.out
+    assert main([*arguments, "--stabilize", "off"]) == 0
+
+
+def test_a_damaged_result_of_an_earlier_run_ends_no_other(tmp_path, capsys):
+    folder = write_dataset(tmp_path / "data", sequences=2, frames=6)
+    arguments = ["bench", str(folder), "--out", str(tmp_path / "out"), "--trackers", "kcf"]
+    arguments += ["--stabilize", "off"]
+    assert main(arguments) == 0
+    (damaged,) = (tmp_path / "out").rglob("clip0_001.txt")
+    content = damaged.read_bytes()
+    damaged.write_bytes(b"\x00\xffnothing")
+    (tmp_path / "out" / "kcf-off" / "baseline" / "clip1" / "clip1_001.txt").unlink()
+    assert main(arguments) == 3
+    assert str(damaged) in capsys.readouterr().err
+    assert len(list((tmp_path / "out").rglob("clip1_001.txt"))) == 1
+    damaged.write_bytes(content)
+    assert main(arguments) == 0
 
 
 WRONG = {

@@ -109,3 +109,21 @@ def test_the_authors_raw_results(shared, capsys):
     assert found["pysot"]["lost"] == found["vot_toolkit"]["lost"] == 54
     assert found["pysot"]["eao"] == pytest.approx(0.4457, abs=1e-3)
     assert found["vot_toolkit"]["robustness"] == pytest.approx(1.156, abs=1e-3)
+
+
+def test_a_damaged_tracker_is_left_out_and_the_others_are_measured(vot2018, tmp_path, capsys):
+    for name in ("a", "b", "c"):
+        results(tmp_path / "all" / name, lost=("bag",))
+    (tmp_path / "all" / "a" / "baseline" / "bag" / "bag_001.txt").write_text("1\nnonsense\n")
+    assert run(tmp_path / "all", "--dataset", vot2018, "--json", "--compare") == 3
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert (list(found["trackers"]), list(found["comparison"])) == (["b", "c"], ["c"])
+    first, last = told.err.splitlines()
+    assert "bag_001.txt, line 2" in first
+    assert "the tracker is left out" in first
+    assert "1 of 3 trackers could not be measured" in last
+    for name in ("b", "c"):
+        (tmp_path / "all" / name / "baseline" / "bag" / "bag_001.txt").write_text("nonsense\n")
+    assert run(tmp_path / "all", "--dataset", vot2018) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

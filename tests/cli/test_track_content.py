@@ -66,9 +66,9 @@ def test_stream_is_chosen_and_exported(tmp_path, capsys):
     with_preview(tmp_path / "two.mkv")
     for stream, size_wh in (([], (320, 192)), (["--stream", "0"], (128, 32))):
         box = ["--box", "10,5,20,20", "--tracker", "kcf"]
-        assert main(["track", "two.mkv", *box, *stream, "--results", "r.csv"]) == 0
+        assert main(["track", "two.mkv", *box, *stream, "--results", "r.csv", "--overwrite"]) == 0
         arguments = ["export", "r.csv", "--to", "coco", "--video", "two.mkv", *stream]
-        assert main([*arguments, "--out", "o.json"]) == 0
+        assert main([*arguments, "--out", "o.json", "--overwrite"]) == 0
         image = json.loads((tmp_path / "o.json").read_text())["images"][0]
         assert (image["width"], image["height"]) == size_wh
     capsys.readouterr()
@@ -92,7 +92,7 @@ def test_levels(tmp_path, capsys):
         assert next(source).image.std() > 20
     assert main(["track", "thermal", *BOX, "--out", "p.mp4", "--levels", given]) == 0
     assert "--levels" not in capsys.readouterr().out
-    assert main(["track", "thermal", *BOX, "--out", "p.mp4", "--levels", "-9000,9000"]) == 0
+    assert main(["track", "thermal", *BOX, "--out", "q.mp4", "--levels", "-9000,9000"]) == 0
     for bad in ("7000", "a,b", "9,1"):
         capsys.readouterr()
         assert main(["track", "thermal", *BOX, "--levels", bad]) == 2

@@ -73,3 +73,20 @@ def test_a_dataset_that_is_not_there_is_told(tmp_path, capsys):
     arguments = ["tune", str(tmp_path / "gone"), "--trackers", "kcf", "--out", str(tmp_path / "o")]
     assert main(arguments) == 2
     assert "gone" in capsys.readouterr().err
+
+
+def test_a_run_that_fails_ends_the_trial_but_not_its_other_runs(tmp_path, capsys):
+    data = write_dataset(tmp_path / "data", sequences=3, frames=12)
+    broken = data / "clip0" / "img" / "0002.jpg"
+    content = broken.read_bytes()
+    broken.write_bytes(b"")
+    words = ["tune", str(data), "--trackers", "kcf", "--parameter", "thx2=2:40", "--trials", "2"]
+    words += ["--out", str(tmp_path / "out")]
+    assert main(words) == 3
+    error = capsys.readouterr().err
+    assert "1 of the 3 runs of a trial have no result" in error
+    assert "kcf-paper on clip0" in error
+    assert len(list((tmp_path / "out").rglob("*_001.txt"))) == 2
+    broken.write_bytes(content)
+    assert main(words) == 0
+    assert capsys.readouterr().out.splitlines()[0].startswith("trial 1:")

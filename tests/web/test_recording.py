@@ -20,6 +20,7 @@ from ssiam.errors import SinkError, StreamError
 from ssiam.geometry import IDENTITY
 from ssiam.trackers import Track
 from ssiam.video import Frame, open_source
+from ssiam.web import recorder, recording_files
 from ssiam.web.errors import CommandError
 from ssiam.web.recording import Recordings
 from ssiam.web.step import Step, Target
@@ -118,6 +119,9 @@ def test_a_recording_without_targets_is_a_video(recordings):
 
 
 def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
+    notes, listings = [], []
+    recordings.notes(notes.append)
+    recordings.listen(listings.append)
     name = recordings.begin(RATE)
     for step in steps(3):
         recordings.write(step)
@@ -126,8 +130,16 @@ def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
     recordings.write(odd)
     while recordings.listing()[0]["open"]:
         time.sleep(0.01)
-    recordings.write(odd)
     assert recordings.current is None
+    recordings.write(odd)
+    while len(listings) < 2:
+        time.sleep(0.01)
+    reason = "frames have 640x480 pixels now, not 320x240"
+    assert listings[-1][0]["error"] == reason
+    assert {"cvat.xml", "coco.json", "labelstudio.json"} <= set(listings[-1][0]["files"])
+    assert [note.message for note in notes] == [
+        f"recording {name} has ended: {reason}; the rest is kept"
+    ]
     with open_source(recordings.path(name, "video.mp4")) as frames:
         assert len(list(frames)) == 3
     assert recordings.begin(RATE) != name
@@ -240,3 +252,77 @@ def test_recorded_pixels_are_shown_as_the_source_shows_them(recordings):
         time.sleep(0.01)
     with open_source(recordings.path(name, "video.mp4")) as frames:
         assert frames.facts.pixel_aspect == Fraction(16, 15)
+
+
+def test_an_export_that_fails_keeps_no_other_from_being_written(recordings, monkeypatch):
+    whole = recording_files.write_exports
+    notes = []
+    recordings.notes(notes.append)
+
+    def failing(annotations, path, kind, video="video.mp4"):
+        if kind == "coco":
+            raise RuntimeError("no categories")
+        whole(annotations, path, kind, video)
+
+    monkeypatch.setattr(recording_files, "write_exports", failing)
+    name = recorded(recordings, 5)
+    (listed,) = recordings.listing()
+    assert "coco.json" not in listed["files"]
+    assert {"cvat.xml", "labelstudio.json", "got10k.zip"} <= set(listed["files"])
+    assert "there is no whole coco.json: RuntimeError: no categories" in listed["error"]
+    recordings.close()
+    assert f"recording {name} is not whole" in notes[0].message
+
+
+def test_a_frame_that_cannot_be_drawn_ends_the_recording_and_nothing_else(recordings, monkeypatch):
+    drawn, calls = recorder.draw_tracks, []
+
+    def failing(*given, **options):
+        calls.append(given)
+        if len(calls) == 4:
+            raise RuntimeError("no font")
+        return drawn(*given, **options)
+
+    monkeypatch.setattr(recorder, "draw_tracks", failing)
+    name = recordings.begin(RATE)
+    for step in steps(8):
+        recordings.write(step)
+    while recordings.listing()[0]["open"]:
+        time.sleep(0.01)
+    (listed,) = recordings.listing()
+    assert (listed["frames"], listed["error"]) == (3, "RuntimeError: no font")
+    assert "cvat.xml" in listed["files"]
+    with open_source(recordings.path(name, "video.mp4")) as frames:
+        assert len(list(frames)) == 3
+    monkeypatch.undo()
+    recordings.close()
+    assert recordings.current is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        pytest.param(b"", id="empty"),
+        pytest.param(b"nonsense", id="no JSON"),
+        pytest.param(b"[1]", id="a list"),
+        pytest.param(b'{"fps": "1/0", "size_wh": [1, 1], "frames": 1, "names": {}}', id="no rate"),
+        pytest.param(b'{"fps": "30", "size_wh": [1], "frames": 1, "names": {}}', id="no size"),
+    ],
+)
+def test_damaged_facts_of_an_earlier_recording_hide_no_other(tmp_path, content):
+    kept = Recordings(tmp_path)
+    names = [recorded(kept, 3) for _ in range(2)]
+    kept.close()
+    (tmp_path / names[0] / "recording.json").write_bytes(content)
+    (tmp_path / "else").mkdir()
+    (tmp_path / "file.txt").write_text("nothing")
+    later = Recordings(tmp_path)
+    while any(each["open"] for each in later.listing()):
+        time.sleep(0.01)
+    assert [each["name"] for each in later.listing()] == names
+    assert all("video.mp4" in each["files"] for each in later.listing())
+    with open_source(later.path(names[0], "video.mp4")) as frames:
+        assert len(list(frames)) == 3
+    with pytest.raises(KeyError):
+        later.path(names[0], "recording.json")
+    later.close()

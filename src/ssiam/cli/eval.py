@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Parameter
 from rich.console import Console
 
 from ssiam.datasets import Sequence as Truth
 from ssiam.datasets import open_dataset
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
 from ssiam.evaluation.eao import interval_of
 from ssiam.evaluation.lines import ResultsError
 from ssiam.evaluation.one_pass import holds_one_pass, one_pass, one_pass_table
@@ -28,6 +28,8 @@ from ssiam.evaluation.report import (
 )
 from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.tracked import read_results
+
+Measured = TypeVar("Measured")
 
 # Width of the tables where they do not go to a terminal, characters.
 _FILE_WIDTH = 120
@@ -82,15 +84,17 @@ def evaluate(
     if compare and len(folders) == 1:
         raise ArgumentError(f"{results}: --compare needs the results of several trackers")
     sequences = list(opened.sequences.values())
-    reports = []
-    for folder in folders:
-        reports.append(report(read_results(folder, sequences, experiment), interval))
-        _complain(reports[-1].notes)
-    comparisons = compared(reports) if compare else []
+    reports, left_out = _each(
+        folders, lambda folder: report(read_results(folder, sequences, experiment), interval)
+    )
+    for each in reports:
+        _complain(each.notes)
+    comparisons = compared(reports) if compare and len(reports) > 1 else []
     if json_output:
-        print(json.dumps(_document(reports, comparisons), allow_nan=False))
+        print(json.dumps(_document(reports, comparisons, len(folders) == 1), allow_nan=False))
     else:
         _show(reports, comparisons)
+    _check_whole(left_out, len(folders))
 
 
 def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> None:
@@ -99,9 +103,10 @@ def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> N
         (results / each.name).is_dir() for each in sequences
     )
     alone = direct or (results / "ope").is_dir() or (results / "unsupervised").is_dir()
-    reports = [one_pass(folder, sequences) for folder in ([results] if alone else inside)]
-    if not reports:
+    folders = [results] if alone else inside
+    if not folders:
         raise ResultsError(f"{results}: neither it nor a folder in it holds one-pass results")
+    reports, left_out = _each(folders, lambda folder: one_pass(folder, sequences))
     for each in reports:
         _complain(each.notes)
     if json_output:
@@ -109,6 +114,37 @@ def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> N
         print(json.dumps(reports[0].as_dict() if alone else {"trackers": found}))
     else:
         _console().print(one_pass_table(reports))
+    _check_whole(left_out, len(folders))
+
+
+def _each(
+    folders: Sequence[Path], measure: Callable[[Path], Measured]
+) -> tuple[list[Measured], list[str]]:
+    """What is measured of each tracker's folder, and a line for each that cannot be.
+
+    Raises
+    ------
+    SsiamError
+        None of them can be.
+    """
+    measured, left_out = [], []
+    for folder in folders:
+        try:
+            measured.append(measure(folder))
+        except SsiamError as error:
+            if len(folders) == 1:
+                raise
+            left_out.append(one_line(error))
+    if not measured:
+        raise ResultsError(left_out[0])
+    return measured, left_out
+
+
+def _check_whole(left_out: Sequence[str], trackers: int) -> None:
+    """Raise `IncompleteError` if trackers had to be left out."""
+    _complain([f"{reason}; the tracker is left out" for reason in left_out])
+    if left_out:
+        raise IncompleteError(f"{len(left_out)} of {trackers} trackers could not be measured")
 
 
 def _console() -> Console:
@@ -133,9 +169,9 @@ def _complain(notes: Sequence[str]) -> None:
 
 
 def _document(
-    reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]
+    reports: Sequence[TrackerReport], comparisons: Sequence[Comparison], is_single: bool
 ) -> dict[str, Any]:
-    if len(reports) == 1:
+    if is_single:
         return reports[0].as_dict()
     document: dict[str, Any] = {"trackers": {each.name: each.as_dict() for each in reports}}
     if comparisons:

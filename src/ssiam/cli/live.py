@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from types import TracebackType
+from typing import Annotated, Final, Literal
 
 from cyclopts import Group, Parameter
 
 from ssiam.cli.arguments import levels as parsed_levels
 from ssiam.cli.arguments import tell_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TrackerChoice
+from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.stabilize import StabilizerConfig
 from ssiam.video.source_files import check_apart_from_source
-from ssiam.web import Note, Session
+from ssiam.web import Health, Note, Session
+from ssiam.web.recording import left_behind
 
 _CHOICE = TrackerChoice()
 _STEADY = StabilizerConfig()
+
+STUCK: Final = 3
+"""Exit code where tracking did not come to an end."""
 
 _PAGE = Group("Page", sort_key=2)
 _MACHINES = Group("Other programs", sort_key=3)
@@ -89,8 +97,13 @@ def live(
             stream=stream,
             levels=parsed_levels(levels),
         )
+        stack.push(partial(_leave, session))
         stack.callback(session.close)
         session.notes(_show)
+        session.healths(_show)
+        for folder in left_behind():
+            text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
+            _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
         session.start()
         if mavlink is not None:
@@ -103,6 +116,8 @@ def live(
             stack.enter_context(RerunTap(session, rerun, overwrite=overwrite))
         print(f"{session.info.source}: {server.address} (Ctrl-C ends)", flush=True)
         server.run()
+    if session.health.state == "failed":
+        raise IncompleteError(session.health.message)
 
 
 def _check_outputs(
@@ -122,5 +137,22 @@ def _check_outputs(
         tell_left_parts(left_parts(rerun))
 
 
-def _show(note: Note) -> None:
-    print(f"ssiam: {note.message}", file=sys.stderr, flush=True)
+def _leave(
+    session: Session,
+    kind: type[BaseException] | None,
+    error: BaseException | None,
+    trace: TracebackType | None,
+) -> None:
+    """End the process at once if a closed session's thread is stuck: nothing else would end it."""
+    if not session.stuck:
+        return
+    print(f"ssiam: {session.health.message or 'tracking did not end'}", file=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    code = error.code if isinstance(error, SystemExit) else None
+    os._exit(code if isinstance(code, int) else STUCK)
+
+
+def _show(news: Note | Health) -> None:
+    if news.message:
+        print(f"ssiam: {news.message}", file=sys.stderr, flush=True)

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Group
 
-from ssiam.errors import SsiamError, StreamError
+from ssiam.errors import IncompleteError, SsiamError, StreamError
 
 DONE, USAGE_ERROR, BROKE_OFF = 0, 2, 3
 INTERRUPTED = 128 + signal.SIGINT
@@ -20,8 +20,8 @@ app = App(
     name="ssiam",
     help="Keep hold of a chosen object in video from a shaking, moving camera.",
     help_format="markdown",
-    help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off, or frames "
-    "of it cannot be decoded (what was tracked is kept).",
+    help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off, frames of "
+    "it cannot be decoded, or something else is missing (what was done is kept).",
     print_error=False,
     exit_on_error=False,
     suppress_keyboard_interrupt=False,
@@ -51,6 +51,9 @@ for place, (title, functions) in enumerate(_COMMANDS.items()):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
+    # Of a terminal that is closed; nohup has it ignored, and that stays so.
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, _terminate)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0].startswith("-"):
         app.resolved_commands()  # the overview shows a line of each command's own help
@@ -58,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         app(words)
     except CycloptsError as error:
         return _complain(f"{error} See ssiam --help.", USAGE_ERROR)
-    except StreamError as error:
+    except (StreamError, IncompleteError) as error:
         return _complain(str(error), BROKE_OFF)
     except SsiamError as error:
         return _complain(str(error), USAGE_ERROR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections.abc import Sequence
@@ -18,8 +19,11 @@ from rich.progress import (
 )
 from rich.progress import Progress as RichProgress
 
+from ssiam.errors import IncompleteError, one_line
 from ssiam.geometry import Transform, frame_centre, rigid_parameters
-from ssiam.trackers import Track
+from ssiam.trackers import Track, TrackerGroup
+
+_log = logging.getLogger(__name__)
 
 _SMOOTHING = 0.9  # of the running mean of the time per frame
 
@@ -89,6 +93,7 @@ class Report:
         self._score = np.zeros(targets)
         self._moved = np.zeros(2)  # px, summed: raw, steadied
         self._prev_stab_from_raw: Transform | None = None
+        self._failures: dict[str, list[str]] = {}  # who failed -> frame and error, each time
 
     def add(self, tracks: Sequence[Track]) -> None:
         """Count one tracked frame."""
@@ -108,6 +113,26 @@ class Report:
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw
 
+    def fail(self, frame_index: int, group: TrackerGroup) -> None:
+        """Take note of what failed in a tracked frame."""
+        failed: dict[str, Exception] = {
+            f"target {place + 1}": error for place, error in group.failures.items()
+        }
+        if group.camera_failure is not None:
+            failed["camera"] = group.camera_failure
+        for who, error in failed.items():
+            self._failures.setdefault(who, []).append(f"frame {frame_index}: {one_line(error)}")
+            if len(self._failures[who]) == 1:
+                _log.debug("%s, frame %d", who, frame_index, exc_info=error)
+
+    def check_whole(self) -> None:
+        """Raise `IncompleteError` if something failed on the way."""
+        for who, errors in self._failures.items():
+            raise IncompleteError(
+                f"{who} could not be tracked in {len(errors)} of {self._frames} frames, where it "
+                f"counts as lost; the first is {errors[0]}"
+            )
+
     def show(self, written: Sequence[tuple[str, Path]], remarks: Sequence[str] = ()) -> None:
         """Print the summary.
 
@@ -118,6 +143,8 @@ class Report:
         print(f"tracked {self._frames} frames of {self._title}: {speed:.0f} fps")
         for number, (lost, score) in enumerate(zip(self._lost, self._score, strict=True), 1):
             print(f"  target {number}: lost in {lost} frames, mean score {score / tracked:.2f}")
+        for who, errors in self._failures.items():
+            print(f"  {who}: an error in {len(errors)} frames, the first in {errors[0]}")
         if self._prev_stab_from_raw is not None:
             raw, steadied = self._moved / tracked
             print(

@@ -14,17 +14,13 @@ from rich.live import Live
 from rich.table import Table
 
 from ssiam.datasets import Shake
-from ssiam.errors import SsiamError
+from ssiam.errors import IncompleteError
 from ssiam.evaluation.bench import Done, Task
 
 _FILE_WIDTH = 120  # characters of the table where it does not go to a terminal
 
 # Tracker's label and strength of the shake.
 _Row: TypeAlias = tuple[str, float]
-
-
-class RunsFailedError(SsiamError):
-    """Some runs of a benchmark have no result; the others are kept."""
 
 
 class Scoreboard:
@@ -54,22 +50,23 @@ class Scoreboard:
             self._live.update(self._table(), refresh=True)
 
     def show(self, out: Path) -> None:
-        """Print the table.
+        """Print the table, and the runs without a result with their reasons.
 
         Raises
         ------
-        RunsFailedError
-            Some runs failed; the message tells of the first one.
+        IncompleteError
+            There are such runs; the message tells of the first one.
         """
         width = None if sys.stdout.isatty() else _FILE_WIDTH
         Console(width=width).print(self._table())
-        print(f"results: {out}")
         failed = [done for runs in self._done.values() for done in runs if done.failed]
+        for done in failed:
+            print(f"no result: {_described(done)}")
+        print(f"results: {out}")
         if failed:
-            first = failed[0]
-            raise RunsFailedError(
-                f"{len(failed)} of {sum(self._total.values())} runs have no result; the first: "
-                f"{first.label} on {first.sequence}: {first.failed}"
+            raise IncompleteError(
+                f"{len(failed)} of {sum(self._total.values())} runs have no result and will be "
+                f"tried again when the command is; the first: {_described(failed[0])}"
             )
 
     def _table(self) -> Table:
@@ -119,6 +116,12 @@ class _Sums:
         self.overlap = f"{np.mean(overlaps):.3f}" if overlaps else ""
         # Seconds a frame; 0 if none was timed.
         self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
+
+
+def _described(done: Done) -> str:
+    """A run that failed, and why."""
+    shake = f", shake {done.shake.label}" if done.shake is not None else ""
+    return f"{done.label} on {done.sequence}{shake}: {done.failed}"
 
 
 def _row(label: str, shake: Shake | None) -> _Row:

@@ -102,13 +102,14 @@ def track(
             )
         )
         first = next(frames)
-        group = TrackerGroup(choice.load(config))
+        group = TrackerGroup(choice.load(config), keep_going=True)
         group.init(first.image, boxes)
         outputs = Outputs(frames, destinations, side_by_side=side_by_side, config=config)
         report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
         stack.callback(lambda: report.show(outputs.places(), _remarks(frames, outputs)))
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
+    report.check_whole()
     if frames.facts.undecoded:
         raise StreamError(
             f"{frames.name}: {_undecoded(frames)}; what came before and after them was tracked"
@@ -142,6 +143,7 @@ def _follow(
             with report.clock:
                 tracks = group.update(frame.image, None if following is None else following.image)
             report.add(tracks)
+            report.fail(frame.index, group)
             outputs.write(frame, tracks, report.clock.fps)
             progress.step(report.clock.fps)
 

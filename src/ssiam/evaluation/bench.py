@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,8 +14,9 @@ import numpy as np
 
 from ssiam.datasets import Dataset, Shake, open_dataset, shaken
 from ssiam.datasets import Sequence as Clip
-from ssiam.errors import SsiamError
+from ssiam.errors import SsiamError, one_line
 from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.failures import clear_failure, failure_path, write_failure
 from ssiam.evaluation.layouts import otb_path, read_vot, vot_path, write_boxes, write_vot
 from ssiam.evaluation.lines import write_lines
 from ssiam.evaluation.parallel import in_parallel
@@ -24,6 +26,8 @@ from ssiam.evaluation.shaken_results import shaken_folder, write_shake
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.geometry import iou
 from ssiam.trackers import SteadiedTracker
+
+_log = logging.getLogger(__name__)
 
 _LOADED: Final = 2  # trackers that a process keeps; tasks come tracker by tracker
 
@@ -71,6 +75,11 @@ class Task:
     def path(self) -> Path:
         """File of the run; that it exists means that the run is done."""
         return vot_path(self.results, self.sequence, experiment=EXPERIMENTS[self.protocol])
+
+    @property
+    def failure(self) -> Path:
+        """File that says why the run has no result; a run that has one is tried again."""
+        return failure_path(self.results, self.sequence, EXPERIMENTS[self.protocol])
 
 
 @dataclass(frozen=True)
@@ -125,6 +134,9 @@ def tasks(
 def run_all(todo: Sequence[Task], jobs: int = 1, cluster: str | None = None) -> Iterator[Done]:
     """Run what is not done yet, and tell of every run as it ends.
 
+    A run that fails, whatever it raises, ends no other; the reason is told, and kept in
+    `Task.failure`. It is tried again the next time.
+
     Parameters
     ----------
     todo : sequence of Task
@@ -137,26 +149,46 @@ def run_all(todo: Sequence[Task], jobs: int = 1, cluster: str | None = None) -> 
     waiting = []
     for task in todo:
         if task.path.exists():
-            yield _told(task, read_vot(task.path), 0.0)
+            yield _read(task)
         else:
             waiting.append(task)
     if cluster is None and jobs == 1:
         yield from map(run_task, waiting)
     elif waiting:
-        yield from in_parallel(run_task, waiting, jobs, waiting[0].threads, cluster)
+        yield from in_parallel(run_task, waiting, jobs, waiting[0].threads, cluster, failed=_failed)
 
 
 def run_task(task: Task) -> Done:
     """Run one task and write its file; what goes wrong is told, not raised."""
-    cv2.setNumThreads(task.threads)
     try:
+        cv2.setNumThreads(task.threads)
         sequence = task.read()
         trajectory = run(_tracker(task.entry, task.threads), sequence, task.protocol)
         _write(task, trajectory, sequence.box(0))
         seconds = 0.0 if trajectory.seconds is None else float(trajectory.seconds.sum())
-        return _told(task, trajectory, seconds)
-    except SsiamError as error:
-        return Done(task.entry.label, task.sequence, failed=str(error), shake=task.shake)
+        done = _told(task, trajectory, seconds)
+    except Exception as error:
+        if not isinstance(error, SsiamError):
+            _log.debug("%s on %s", task.entry.label, task.sequence, exc_info=True)
+        # What a tracker has been through may have left it in pieces.
+        _tracker.cache_clear()
+        return _failed(task, one_line(error))
+    clear_failure(task.failure)
+    return done
+
+
+def _failed(task: Task, reason: str) -> Done:
+    """A run without a result, which is recorded."""
+    write_failure(task.failure, reason)
+    return Done(task.entry.label, task.sequence, failed=reason, shake=task.shake)
+
+
+def _read(task: Task) -> Done:
+    """A run of an earlier time, which may have been damaged since."""
+    try:
+        return _told(task, read_vot(task.path), 0.0)
+    except Exception as error:
+        return Done(task.entry.label, task.sequence, failed=one_line(error), shake=task.shake)
 
 
 def _write(task: Task, trajectory: Trajectory, first_xywh: tuple[float, ...]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from ssiam.errors import MissingExtraError, SsiamError
+from ssiam.errors import MissingExtraError, one_line
 from ssiam.evaluation.canvas import NothingToDrawError
 from ssiam.evaluation.differing import most_differing
 from ssiam.evaluation.frames_figure import figure4
@@ -55,8 +55,8 @@ def figures(found: Summaries) -> tuple[list[Figure], list[str]]:
             drawn.append(draw(found))
         except MissingExtraError:
             raise
-        except SsiamError as error:
-            notes.append(f"{found.dataset}: no figure {number}: {error}")
+        except Exception as error:
+            notes.append(f"{found.dataset}: no figure {number}: {one_line(error)}")
     return drawn, notes
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from ssiam.errors import MissingExtraError, SinkError, SsiamError
+from ssiam.errors import IncompleteError, MissingExtraError, SinkError, SsiamError
 from ssiam.evaluation.parameters import Parameter, is_whole, paper_values
 
 _NAME: Final = "ssiam"
@@ -16,6 +16,10 @@ _PACKAGES: Final = ("optuna", "sqlalchemy")  # whose exceptions are told in one 
 
 class TuningError(SsiamError):
     """A search that cannot go on: its file is damaged or of another search, or runs fail."""
+
+
+class TrialError(TuningError, IncompleteError):
+    """A trial some of whose runs have no result; everything else is kept."""
 
 
 def open_study(path: Path, search: Mapping[str, Any]) -> Any:

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from ssiam.datasets.sequence import image_levels, read_image
-from ssiam.errors import MissingExtraError, StreamError
+from ssiam.errors import MissingExtraError, StreamError, one_line
 from ssiam.evaluation.trax_regions import answer, start_box
 from ssiam.trackers import SteadiedTracker
 from ssiam.video.levels import Levels
@@ -91,4 +91,4 @@ class _Session:
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._server.quit(None if exc is None else str(exc))
+        self._server.quit(None if exc is None else one_line(exc))

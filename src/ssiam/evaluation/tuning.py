@@ -14,6 +14,7 @@ from ssiam.evaluation.bench import run_all, tasks
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.parameters import Parameter, configured
 from ssiam.evaluation.study import (
+    TrialError,
     TuningError,
     complete_trials,
     next_trial,
@@ -104,7 +105,9 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[Tried]:
     MissingExtraError
         Optuna is not installed.
     TuningError
-        ``study.db`` is damaged or of another search, or a run has no result.
+        ``study.db`` is damaged or of another search, or no run of a trial has a result.
+    TrialError
+        Some runs of a trial have no result. The others are kept.
     SinkError
         The folder cannot be written.
     """
@@ -141,9 +144,16 @@ def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int,
         for name in search.trackers
     ]
     todo = tasks(competitors, open_dataset(search.dataset), search.dataset, search.out)
-    for done in run_all(todo, jobs):
-        if done.failed:
-            raise TuningError(f"{done.label} on {done.sequence}: {done.failed}")
+    failed = [done for done in run_all(todo, jobs) if done.failed]
+    if failed:
+        first = failed[0]
+        reason = f"{first.label} on {first.sequence}: {first.failed}"
+        if len(failed) == len(todo):
+            raise TuningError(reason)
+        raise TrialError(
+            f"{len(failed)} of the {len(todo)} runs of a trial have no result, which the search "
+            f"cannot do without; they are tried again when the command is. The first: {reason}"
+        )
     # Told again, all from their files: these are rounded, and always come in the same order.
     told = list(run_all(todo))
     overlaps = [each.overlap for each in told if not math.isnan(each.overlap)]

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TypeVar
 
-from ssiam.geometry import Image
+from ssiam.errors import FrameSizeError
+from ssiam.geometry import XYWH, Image
 from ssiam.motion import Motion, MotionAhead
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers.steadied import SteadiedTracker
 from ssiam.trackers.track import Track
+
+Result = TypeVar("Result")
 
 
 class TrackerGroup:
@@ -21,19 +26,32 @@ class TrackerGroup:
     ----------
     tracker : SteadiedTracker
         The others are made from it.
+    keep_going : bool
+        Whether `update` goes on where a tracker raises. Its target then counts as lost in this
+        frame, at its last box, and is tried again in the next one; `failures` has the error. So
+        does the camera's motion, which is unreliable then. A frame of another size still raises
+        `FrameSizeError`.
 
     Attributes
     ----------
     motion : Motion or None
         The camera's motion to the last frame; None with ``stabilize="off"``.
+    failures : mapping of int to Exception
+        What trackers raised in the last update or switch, by the number of their box from 0;
+        empty unless `keep_going`.
+    camera_failure : Exception or None
+        What the estimate of the camera's motion raised.
     """
 
-    def __init__(self, tracker: SteadiedTracker) -> None:
+    def __init__(self, tracker: SteadiedTracker, *, keep_going: bool = False) -> None:
         self._first = tracker
+        self._keep_going = keep_going
         self._trackers: list[SteadiedTracker] = []
         self._boxes: Sequence[Sequence[float]] = []
         self._camera: MotionAhead | None = None
         self.motion: Motion | None = None
+        self.failures: Mapping[int, Exception] = {}
+        self.camera_failure: Exception | None = None
 
     def init(self, frame: Image, boxes: Sequence[Sequence[float]]) -> None:
         """Take the targets in `boxes` (x, y, w, h) of `frame`; errors as `SteadiedTracker`."""
@@ -60,9 +78,16 @@ class TrackerGroup:
         self._boxes = [*self._boxes[:place], *self._boxes[place + 1 :]]
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
-        """Steady by `config` from now on; `frame` is the last one."""
-        for tracker in {self._first, *self._trackers}:
-            tracker.switch(config, frame)
+        """Steady by `config` from now on; `frame` is the last one.
+
+        With `keep_going`, `failures` has the trackers that cannot, which should `leave`.
+        """
+        failures: dict[int, Exception] = {}
+        if self._first not in self._trackers:
+            self._first.switch(config, frame)
+        for place, tracker in enumerate(self._trackers):
+            self._tried(failures, place, partial(tracker.switch, config, frame))
+        self.failures = failures
         self._watch_from(frame)
 
     def update(self, frame: Image, following: Image | None = None) -> list[Track]:
@@ -70,19 +95,67 @@ class TrackerGroup:
 
         `following` is the frame after this one, where it is at hand: see `SteadiedTracker.update`.
         """
-        motion = None
-        if self._camera is not None:
-            motion = self._camera.update(frame, exclude=self._boxes)
-        self.motion = motion
-        expected = [tracker.expect(motion) for tracker in self._trackers]
+        failures: dict[int, Exception] = {}
+        self.motion = motion = self._moved(frame, self._boxes)
+        expected = [
+            self._tried(failures, place, partial(tracker.expect, motion))
+            for place, tracker in enumerate(self._trackers)
+        ]
         known = [box for box in expected if box is not None]
         if self._camera is not None and following is not None and len(known) == len(expected):
             self._camera.start(following, exclude=known)
-        tracks = [tracker.look(frame) for tracker in self._trackers]
-        self._boxes = known or [track.box for track in tracks]
-        return tracks
+        tracks = [
+            self._tried(failures, place, partial(tracker.look, frame))
+            for place, tracker in enumerate(self._trackers)
+        ]
+        self.failures = failures
+        found = [
+            self._unseen(place) if track is None or place in failures else track
+            for place, track in enumerate(tracks)
+        ]
+        self._boxes = [
+            track.box if box is None else box for box, track in zip(expected, found, strict=True)
+        ]
+        return found
+
+    def _tried(
+        self, failures: dict[int, Exception], place: int, work: Callable[[], Result]
+    ) -> Result | None:
+        """What a tracker answers; None if it has failed on this frame, which is noted."""
+        if place in failures:
+            return None
+        try:
+            return work()
+        except FrameSizeError:
+            raise
+        except Exception as error:
+            if not self._keep_going:
+                raise
+            failures[place] = error
+            return None
+
+    def _unseen(self, place: int) -> Track:
+        """The track of a target whose tracker has failed."""
+        x, y, w, h = map(float, self._boxes[place])
+        box: XYWH = (x, y, w, h)
+        return Track(box, score=0.0, lost=True, motion=self.motion)
 
     def _watch_from(self, frame: Image) -> None:
         """Let the camera's motion begin with `frame`."""
         self._camera = self._first.camera()
-        self.motion = None if self._camera is None else self._camera.update(frame)
+        self.motion = self._moved(frame)
+
+    def _moved(self, frame: Image, boxes: Sequence[Sequence[float]] | None = None) -> Motion | None:
+        """The camera's motion to `frame`, None with ``stabilize="off"``."""
+        self.camera_failure = None
+        if self._camera is None:
+            return None
+        try:
+            return self._camera.update(frame, exclude=boxes)
+        except FrameSizeError:
+            raise
+        except Exception as error:
+            if not self._keep_going:
+                raise
+            self.camera_failure = error
+            return Motion.none((frame.shape[1], frame.shape[0]))

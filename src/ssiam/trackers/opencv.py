@@ -6,6 +6,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
+from ssiam.errors import ArgumentError, TrackingError, one_line
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.trackers.appearance import Appearance
@@ -31,6 +32,10 @@ _REACH: Final = 0.7  # target sizes around the place where it is looked for
 # Longer sides of the last box, on each of its sides, that are drawn: all that they look at.
 _SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
 _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
+# MIL draws its random features until enough of them have an area of 9 px: in a smaller box, or a
+# thinner one, it never ends.
+_SMALLEST_OF_MIL: Final = 25  # px, area
+_THINNEST_OF_MIL: Final = 2  # px
 
 
 class OpenCvTracker:
@@ -57,13 +62,32 @@ class OpenCvTracker:
         return 0.2 if self._name == "kcf" else None
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Start on `xywh`, rounded to whole pixels as OpenCV wants it."""
-        self._appearance = Appearance(view, xywh)
+        """Start on `xywh`, rounded to whole pixels as OpenCV wants it.
+
+        Raises
+        ------
+        ArgumentError
+            OpenCV cannot start on this box: it is too thin or too small. What was followed
+            before is kept.
+        """
+        appearance = Appearance(view, xywh)
         self._start(view, xywh)
+        self._appearance = appearance
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view."""
-        found, (x, y, w, h) = self._tracker.update(view.render(self._surroundings))
+        """The target in the next view.
+
+        Raises
+        ------
+        TrackingError
+            OpenCV refuses this view.
+        """
+        picture = view.render(self._surroundings)
+        try:
+            found, (x, y, w, h) = self._tracker.update(picture)
+        except cv2.error as error:
+            reason = getattr(error, "err", None) or one_line(error)
+            raise TrackingError(f"{self._name} failed on this frame: {reason}") from error
         if not found or w <= 0 or h <= 0:
             return Track(self._xywh, score=0.0)
         # The border is an offset of the rendered picture (eq. 9).
@@ -77,7 +101,10 @@ class OpenCvTracker:
         """The place most like the target around `xywh`; followed from there if it is it."""
         track = self._judged(view, self._appearance.find(view, xywh, _REACH))
         if track.score > _TAKEN and _inside(track.box, view):
-            self._start(view, track.box)
+            try:
+                self._start(view, track.box)
+            except ArgumentError:
+                return Track(track.box, score=0.0, evidence=track.evidence)
         return track
 
     def another(self) -> OpenCvTracker:
@@ -96,9 +123,25 @@ class OpenCvTracker:
         box = pixel_box(
             (x + view.border, y + view.border, w, h), (picture.shape[1], picture.shape[0])
         )
-        self._tracker = _CREATE[self._name]()
-        self._tracker.init(picture, box)
-        self._xywh = xywh
+        _, _, wide, high = box
+        if self._name == "mil" and (
+            min(wide, high) < _THINNEST_OF_MIL or wide * high < _SMALLEST_OF_MIL
+        ):
+            raise ArgumentError(
+                f"mil cannot follow a box of {wide}x{high} pixels: it needs "
+                f"{_SMALLEST_OF_MIL} pixels, and {_THINNEST_OF_MIL} each way; draw it larger"
+            )
+        tracker = _CREATE[self._name]()
+        try:
+            tracker.init(picture, box)
+        except cv2.error as error:
+            height, width = picture.shape[:2]
+            raise ArgumentError(
+                f"{self._name} cannot follow a box of {wide}x{high} pixels in frames of "
+                f"{width}x{height}: it is too thin or too large for it; draw another box, or take "
+                "another tracker"
+            ) from error
+        self._tracker, self._xywh = tracker, xywh
 
     def _judged(self, view: FrameView, xywh: XYWH) -> Track:
         evidence = self._appearance.likeness(view, xywh)

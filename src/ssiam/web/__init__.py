@@ -15,7 +15,7 @@ from ssiam.web.commands import (
     Restart,
     Steady,
 )
-from ssiam.web.errors import CommandError, Note
+from ssiam.web.errors import CommandError, Health, Note
 from ssiam.web.info import SessionInfo, SessionLimits
 from ssiam.web.session import Session
 from ssiam.web.step import Step, Target
@@ -25,6 +25,7 @@ __all__ = [
     "Advance",
     "Command",
     "CommandError",
+    "Health",
     "Hold",
     "Note",
     "Pause",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Final
 
 from ssiam.video import Frame
@@ -35,6 +36,13 @@ class Backlog:
     def end(self) -> None:
         """Nothing comes any more; what is there is still taken."""
         self._steps.put(None)
+
+    def clear(self) -> None:
+        """Let go of the steps that wait: nobody takes them any more."""
+        self._taken = None
+        with suppress(Empty):
+            while True:
+                self._steps.get_nowait()
 
     def __iter__(self) -> Iterator[Step]:
         return iter(self._steps.get, None)

@@ -8,9 +8,16 @@ from typing import Literal, TypeAlias
 from ssiam.errors import SsiamError
 
 Code: TypeAlias = Literal[
-    "bad-message", "bad-box", "no-such-target", "too-many-targets", "too-old", "not-possible"
+    "bad-message",
+    "bad-box",
+    "no-such-target",
+    "too-many-targets",
+    "too-old",
+    "not-possible",
+    "failed",
 ]
 Level: TypeAlias = Literal["info", "warning", "error"]
+HealthState: TypeAlias = Literal["running", "stalled", "failed"]
 
 
 class CommandError(SsiamError):
@@ -25,6 +32,23 @@ class CommandError(SsiamError):
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
         self.code = code
+
+
+@dataclass(frozen=True)
+class Health:
+    """Whether a session's targets are still tracked.
+
+    Attributes
+    ----------
+    state : {"running", "stalled", "failed"}
+        stalled: a frame or a command takes very long, and may never end; nothing else is done
+        meanwhile. failed: tracking has ended for good.
+    message : str
+        One line for people; empty while it is running.
+    """
+
+    state: HealthState = "running"
+    message: str = ""
 
 
 @dataclass(frozen=True)

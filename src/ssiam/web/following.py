@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from ssiam.geometry import IDENTITY
+from ssiam.geometry import IDENTITY, Transform
 from ssiam.stabilize import Stabilizer, StabilizerConfig
 from ssiam.video import Frame
 from ssiam.web import commands
@@ -19,6 +19,7 @@ from ssiam.web.past import Past
 from ssiam.web.recording import Recordings
 from ssiam.web.step import Playing, Step
 from ssiam.web.targets import Targets
+from ssiam.web.troubles import Troubles
 
 _RATE_STEPS: Final = 30  # over which the rate is taken
 
@@ -26,13 +27,17 @@ _RATE_STEPS: Final = 30  # over which the rate is taken
 class Following:
     """Follows targets on what a feed delivers; not to be shared between threads.
 
+    An error in a frame is told of, and the next frame is taken as if there had been none.
+
     Parameters
     ----------
     feed : Feed
     targets : Targets
     recordings : Recordings
+    troubles : Troubles
+        Told of errors.
     note : callable
-        Told what people should know.
+        Told what else people should know.
     """
 
     def __init__(
@@ -40,13 +45,17 @@ class Following:
         feed: Feed,
         targets: Targets,
         recordings: Recordings,
+        troubles: Troubles,
         note: Callable[[Note], None],
     ) -> None:
-        self._feed, self._targets, self._recordings, self._note = feed, targets, recordings, note
+        self._feed, self._targets, self._recordings = feed, targets, recordings
+        self._troubles, self._note = troubles, note
+        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
         self._past = Past()
         self._done: deque[float] = deque(maxlen=_RATE_STEPS)
         self._paused = False
         self._size_wh: tuple[int, int] | None = None
+        self._begins = True  # whether the next frame is the first one of its source
         self.newest: Step | None = None
 
     @property
@@ -59,12 +68,12 @@ class Following:
     def see(self, arrival: Arrival) -> Step:
         """The step that a frame makes."""
         frame = arrival.frame
-        if self._is_afresh(frame):
-            self._begin(frame)
-        else:
-            self._targets.update(frame)
-        motion = self._targets.motion
-        stab_from_raw = IDENTITY if motion is None else self._stabilizer.update(motion)
+        stab_from_raw, error = IDENTITY, ""
+        try:
+            stab_from_raw = self._track(frame)
+        except Exception as failure:
+            error = self._troubles.tell("tracking in this frame", failure)
+        motion = None if error else self._targets.motion
         done = time.monotonic()
         self._done.append(done)
         step = Step(
@@ -80,6 +89,7 @@ class Following:
             dropped=self._feed.dropped,
             playing=self.playing,
             recording=self._recordings.current,
+            error=error,
         )
         self._recordings.write(step)
         return self._kept(step)
@@ -104,7 +114,7 @@ class Following:
         Raises
         ------
         SsiamError
-            It cannot be done.
+            It cannot be done. Any other error is one of ours.
         """
         match command:
             case commands.Add(xywh, number, name):
@@ -143,7 +153,7 @@ class Following:
         if not self._feed.seekable:
             raise CommandError("not-possible", f"{self._feed.name} cannot be started again")
         self._feed.restart()
-        self._size_wh = None
+        self._begins = True
         self._past.forget()
 
     def _record(self, recording: bool) -> str:
@@ -160,16 +170,24 @@ class Following:
         """Whether frames of a new kind begin: the first one, a restart, another size."""
         size_wh = frame.image.shape[1], frame.image.shape[0]
         before, self._size_wh = self._size_wh, size_wh
-        if before is not None and before != size_wh and self._targets.seen():
+        if before is not None and before != size_wh and len(self._targets):
             self._targets.remove(None)
-            text = f"pictures are {size_wh[0]}x{size_wh[1]} pixels now: draw the targets anew"
+            text = f"frames are {size_wh[0]}x{size_wh[1]} pixels now: draw the targets anew"
             self._note(Note("warning", text))
-        return before != size_wh
+        return self._begins or before != size_wh
 
-    def _begin(self, frame: Frame) -> None:
-        self._past.forget()
-        self._targets.begin(frame)
-        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+    def _track(self, frame: Frame) -> Transform:
+        """Find the targets; the steadied view for people to look at."""
+        if self._is_afresh(frame):
+            self._past.forget()
+            self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+            self._begins = True  # also of the next frame, should this one fail
+            self._targets.begin(frame)
+            self._begins = False
+        else:
+            self._targets.update(frame)
+        motion = self._targets.motion
+        return IDENTITY if motion is None else self._stabilizer.update(motion)
 
     def _kept(self, step: Step) -> Step:
         self.newest = step

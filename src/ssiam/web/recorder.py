@@ -5,42 +5,34 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from time import monotonic
 from typing import Any, Final
 
-from ssiam.errors import SinkError, SsiamError
-from ssiam.exchange import ExportKind, read_annotations, write_exports
+from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.layouts import Row
 from ssiam.web.backlog import Backlog
+from ssiam.web.errors import Note
+from ssiam.web.recording_files import TABLES, VIDEO, Facts, RecordingFolder
 from ssiam.web.step import Step
 
 _log = logging.getLogger(__name__)
 
-_VIDEO, _TABLES = "video.mp4", ("results.csv", "results.jsonl")
-_EXPORTS: Final[dict[str, ExportKind]] = {
-    "cvat.xml": "cvat",
-    "coco.json": "coco",
-    "labelstudio.json": "labelstudio",
-    "got10k.zip": "got10k",
-}
-# Parts are what a full disk leaves.
-FILES: Final = (
-    *(_VIDEO, *_TABLES, *_EXPORTS),
-    *("video.part.mp4", "results.part.csv", "results.part.jsonl"),
-)
 _SQUARE: Final = Fraction(1)
 _LONGEST: Final = 30 * 60 * 60  # frames: an hour at 30 a second
+_SAVED: Final = 1.0  # seconds between two writes of what is lost if the process is killed
 
 
 class Recorder:
     """Writes steps as a video with the targets drawn in, and as results.
 
     Frames are numbered as they are in the video. A frame that is told of twice, as while the
-    source is paused, is written once.
+    source is paused, is written once. A recording that ends by itself, because the disk is full
+    or the frames have another size, is finished as one that is ended: with its exports.
 
     Parameters
     ----------
@@ -50,6 +42,8 @@ class Recorder:
         Of frames that have no time.
     changed : callable
         Called when the recording is complete.
+    note : callable
+        Told why it has ended by itself.
     pixel_aspect : Fraction
         Width of a pixel by its height, as players are to show it.
 
@@ -64,34 +58,39 @@ class Recorder:
         folder: Path,
         fps: float,
         changed: Callable[[], None],
+        note: Callable[[Note], None],
         pixel_aspect: Fraction = _SQUARE,
     ) -> None:
         try:
             folder.mkdir()
         except OSError as error:
             raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
-        self.folder, self.name = folder, folder.name
+        self._folder, self.name = RecordingFolder(folder), folder.name
         self.is_open = True
-        self._fps, self._changed = Fraction(fps or 30).limit_denominator(1001), changed
-        self._frames, self._seconds = 0, 0.0
-        self._names: dict[int, str] = {}
-        self._size_wh = (0, 0)
+        self._changed, self._note = changed, note
+        fraction = Fraction(fps or 30).limit_denominator(1001)
+        self._facts = Facts(str(fraction))
+        self._saved = 0.0
+        self._asked_to_end = False
         self._backlog = Backlog()
-        with ExitStack() as stack:
-            self._video = stack.enter_context(
-                VideoSink(folder / _VIDEO, self._fps, pixel_aspect=pixel_aspect)
+        self._thread = threading.Thread(target=self._run, name="ssiam-recorder", daemon=True)
+        with ExitStack() as lock, ExitStack() as sinks:
+            self._folder.lock()
+            lock.callback(self._folder.unlock)
+            self._folder.write_facts(self._facts)
+            self._video = sinks.enter_context(
+                VideoSink(folder / VIDEO, fraction, pixel_aspect=pixel_aspect)
             )
             self._tables: list[ResultSink] = [
-                stack.enter_context(open_results(folder / name)) for name in _TABLES
+                sinks.enter_context(open_results(folder / name)) for name in TABLES
             ]
-            self._sinks = stack.pop_all()
-        self._thread = threading.Thread(target=self._run, name="ssiam-recorder", daemon=True)
+            self._sinks, self._lock = sinks.pop_all(), lock.pop_all()
         self._thread.start()
 
     def write(self, step: Step) -> bool:
         """Take in a step, at once; False when no more can be taken and the recording has ended."""
-        if not self.is_open or self._frames >= _LONGEST:
-            self.end()
+        if not self.is_open or self._facts.frames >= _LONGEST:
+            self._backlog.end()
             return False
         if not self._backlog.add(step):
             _log.warning("recording %s: a frame is left out, the disk is too slow", self.name)
@@ -99,6 +98,7 @@ class Recorder:
 
     def end(self) -> None:
         """Let the thread finish what it has."""
+        self._asked_to_end = True
         self._backlog.end()
 
     def join(self) -> None:
@@ -107,49 +107,63 @@ class Recorder:
 
     def summary(self) -> dict[str, Any]:
         """Name, frames, seconds, whether it is open, its files."""
-        written = [] if self.is_open else [f for f in FILES if (self.folder / f).exists()]
-        return {
-            "name": self.name,
-            "frames": self._frames,
-            "seconds": round(self._seconds, 3),
-            "open": self.is_open,
-            "files": written,
-        }
+        return self._folder.summary(self._facts, is_open=self.is_open)
+
+    def path(self, file: str) -> Path | None:
+        """Where a file lies; None if there is none of this name, or the recording is open."""
+        if self.is_open or file not in self._folder.files:
+            return None
+        return self._folder.path / file
 
     def _run(self) -> None:
+        error = ""
         try:
             with self._sinks:
-                for step in self._backlog:
-                    self._add(step)
-            self._export()
-        except SsiamError as error:
-            _log.error("recording %s ends: %s", self.name, error)
+                error = self._write_all()
+        except Exception as failure:
+            error = one_line(failure)
+            if not isinstance(failure, SsiamError):
+                _log.exception("recording %s", self.name)
+        with self._lock:
+            self._facts = self._folder.finish(replace(self._facts, error=error))
         self.is_open = False
+        self._backlog.clear()
+        if self._facts.error:
+            text = f"recording {self.name} has ended: {self._facts.error}; the rest is kept"
+            if self._asked_to_end:
+                text = f"recording {self.name} is not whole: {self._facts.error}"
+            _log.info("%s", text)
+            self._note(Note("error", text))
         self._changed()
 
-    def _add(self, step: Step) -> None:
+    def _write_all(self) -> str:
+        """Write what comes until the end; why that came by itself, or ""."""
+        for step in self._backlog:
+            height, width = step.frame.image.shape[:2]
+            before = self._facts.size_wh
+            if self._facts.frames and (width, height) != before:
+                return f"frames have {width}x{height} pixels now, not {before[0]}x{before[1]}"
+            self._add(step, (width, height))
+        if self._facts.frames >= _LONGEST and not self._asked_to_end:
+            return f"it has {_LONGEST} frames, and no recording has more"
+        return ""
+
+    def _add(self, step: Step, size_wh: tuple[int, int]) -> None:
         frame, targets = step.frame, step.targets
-        height, width = frame.image.shape[:2]
-        self._size_wh = (width, height)
         tracks = [target.track for target in targets]
         drawn = draw_tracks(frame.image, tracks, numbers=[target.id for target in targets])
         # Times are those of the recorded video, not of the session.
         time = self._video.write(drawn, frame.time)
         for target in targets:
-            self._names[target.id] = target.name
-            row = Row(self._frames, time, target.id, target.track)
+            row = Row(self._facts.frames, time, target.id, target.track)
             for table in self._tables:
                 table.write_row(row)
-        self._frames += 1
-        self._seconds = (time or 0.0) + 1 / float(self._fps)
-
-    def _export(self) -> None:
-        """Write what other programs read."""
-        if not self._names:
-            return
-        names = [self._names.get(n, f"target {n}") for n in range(1, max(self._names) + 1)]
-        table = self.folder / _TABLES[0]
-        rows = read_annotations(table, self._size_wh, self._fps, names)
-        annotations = replace(rows, length=self._frames)
-        for file, kind in _EXPORTS.items():
-            write_exports(annotations, self.folder / file, kind)
+        names = {**self._facts.names, **{str(target.id): target.name for target in targets}}
+        frames, seconds = self._facts.frames + 1, (time or 0.0) + 1 / float(self._facts.rate)
+        self._facts = replace(
+            self._facts, size_wh=size_wh, frames=frames, seconds=seconds, names=names
+        )
+        if monotonic() - self._saved >= _SAVED:
+            self._saved = monotonic()
+            with suppress(SinkError):
+                self._folder.write_facts(self._facts)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from pathlib import Path
 
-from ssiam.errors import SinkError
 from ssiam.exchange import RerunLog
 from ssiam.web.backlog import Backlog
 from ssiam.web.session import Session
 from ssiam.web.step import Step
-
-_log = logging.getLogger(__name__)
+from ssiam.web.troubles import Troubles
 
 
 class RerunTap:
@@ -36,6 +33,7 @@ class RerunTap:
 
     def __init__(self, session: Session, path: Path, *, overwrite: bool = True) -> None:
         self._sink = RerunLog(path, overwrite=overwrite)
+        self._troubles = Troubles(session.say)
         self._backlog = Backlog()
         self._thread = threading.Thread(target=self._run, name="ssiam-rerun", daemon=True)
         self._thread.start()
@@ -58,8 +56,10 @@ class RerunTap:
             with self._sink as log:
                 for step in self._backlog:
                     self._write(log, step)
-        except SinkError as error:
-            _log.error("%s", error)
+        except Exception as error:
+            self._troubles.tell("the Rerun file has ended", error)
+            for _ in self._backlog:
+                pass  # frames are not held for a file that takes none
 
     @staticmethod
     def _write(log: RerunLog, step: Step) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
+
+_log = logging.getLogger(__name__)
 
 News = TypeVar("News")
 
@@ -29,6 +32,9 @@ class Rota(Generic[News]):
         return end
 
     def tell(self, news: News) -> None:
-        """Tell everybody, one after the other."""
+        """Tell everybody, one after the other; a listener that raises keeps it from no other."""
         for listener in self._listeners:
-            listener(news)
+            try:
+                listener(news)
+            except Exception:
+                _log.exception("a listener failed")

@@ -29,6 +29,9 @@ class Target:
         Raw-frame pixels.
     found : bool
         Whether this is the first frame since it was lost.
+    error : str
+        Why its tracker has failed on this frame, one line; empty if it has not. The target counts
+        as lost then.
     """
 
     id: int
@@ -36,6 +39,7 @@ class Target:
     colour: str
     track: Track
     found: bool = False
+    error: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +67,8 @@ class Step:
     playing : {"playing", "paused", "reconnecting", "ended"}
     recording : str or None
         Name of the recording that is being written.
+    error : str
+        What went wrong with the frame as a whole, one line; empty if nothing did.
     """
 
     number: int
@@ -77,3 +83,4 @@ class Step:
     dropped: int
     playing: Playing
     recording: str | None = None
+    error: str = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ssiam.errors import ArgumentError
@@ -30,10 +30,14 @@ class _Followed:
     tracker: SteadiedTracker | None = None
     track: Track | None = None
     found: bool = False
+    error: str = ""
 
 
 class Targets:
     """Follows targets on the frames of a session, and keeps their names.
+
+    A tracker that raises is tried again on the next frame, its target counts as lost in this one;
+    a target that cannot begin, or not go on, is removed. Neither concerns the other targets.
 
     Parameters
     ----------
@@ -41,14 +45,22 @@ class Targets:
         The targets' trackers are made from it.
     most : int
         How many targets there may be.
+    failed : callable
+        Told what went wrong, and the error; returns that as one line.
     """
 
-    def __init__(self, tracker: SteadiedTracker, most: int) -> None:
-        self._group = TrackerGroup(tracker)
+    def __init__(
+        self, tracker: SteadiedTracker, most: int, failed: Callable[[str, Exception], str]
+    ) -> None:
+        self._group = TrackerGroup(tracker, keep_going=True)
+        self._failed = failed
         self._config = tracker.config
         self._most = most
         self._followed: list[_Followed] = []
         self._given = 0
+
+    def __len__(self) -> int:
+        return len(self._followed)
 
     @property
     def config(self) -> StabilizerConfig:
@@ -65,14 +77,22 @@ class Targets:
         self._group.init(frame.image, [])
         for each in self._followed:
             each.tracker = each.track = None
+            each.found, each.error = False, ""
+        self._report_camera()
         self._begin_waiting(frame)
 
     def update(self, frame: Frame) -> None:
         """Find all targets in the next frame."""
         running = [each for each in self._followed if each.tracker is not None]
-        for each, track in zip(running, self._group.update(frame.image), strict=True):
-            each.found = each.track is not None and each.track.lost and not track.lost
+        tracks = self._group.update(frame.image)
+        for place, (each, track) in enumerate(zip(running, tracks, strict=True)):
+            error = self._group.failures.get(place)
+            # A frame on which the tracker failed neither loses the target nor finds it again.
+            was_lost = each.track is not None and each.track.lost and not each.error
+            each.found = was_lost and not track.lost
             each.track = track
+            each.error = "" if error is None else self._failed(f"the tracker of {each.name}", error)
+        self._report_camera()
         self._begin_waiting(frame)
 
     def add(self, frames: Sequence[Frame], xywh: XYWH, name: str | None) -> int:
@@ -94,12 +114,13 @@ class Targets:
         track = Track(xywh)
         for frame in frames[1:]:
             track = tracker.update(frame.image)
-        self._given += 1
-        colour = _hex(COLORS[(self._given - 1) % len(COLORS)])
-        index = frames[0].index
+        id = self._given + 1
+        colour = _hex(COLORS[(id - 1) % len(COLORS)])
+        followed = _Followed(id, name, colour, frames[0].index, xywh, tracker, track)
         self._group.join(tracker, track.box)
-        self._followed.append(_Followed(self._given, name, colour, index, xywh, tracker, track))
-        return self._given
+        self._followed.append(followed)
+        self._given = id
+        return id
 
     def remove(self, id: int | None) -> None:
         """Follow a target no longer, or none of them."""
@@ -114,27 +135,50 @@ class Targets:
         self._one(id).name = _checked(name)
 
     def steady(self, config: StabilizerConfig, frame: Frame | None) -> None:
-        """Steady by `config` from now on; `frame` is the last one."""
-        self._config = config
+        """Steady by `config` from now on; `frame` is the last one.
+
+        Targets whose trackers cannot be switched are removed.
+        """
         if frame is None:
             raise CommandError("not-possible", "no frame has come yet: try again when one has")
+        self._config = config
+        running = [each for each in self._followed if each.tracker is not None]
         self._group.switch(config, frame.image)
+        for place, error in self._group.failures.items():
+            what = f"is removed, for it cannot go on with {config.stabilize}"
+            self._give_up(running[place], what, error)
+        self._report_camera()
 
     def seen(self) -> tuple[Target, ...]:
         """All targets that have begun, as they are now."""
         return tuple(
-            Target(each.id, each.name, each.colour, each.track, each.found)
+            Target(each.id, each.name, each.colour, each.track, each.found, each.error)
             for each in self._followed
             if each.track is not None
         )
 
     def _begin_waiting(self, frame: Frame) -> None:
         """Begin the targets that were drawn in this frame, or in one that was left out."""
-        for each in self._followed:
-            if each.tracker is None and frame.index >= each.index:
-                each.tracker, each.track = self._group.another(), Track(each.xywh)
-                each.tracker.init(frame.image, each.xywh)
-                self._group.join(each.tracker, each.xywh)
+        for each in list(self._followed):
+            if each.tracker is not None or frame.index < each.index:
+                continue
+            tracker = self._group.another()
+            try:
+                tracker.init(frame.image, each.xywh)
+            except Exception as error:
+                self._give_up(each, "is removed, for it cannot begin in these frames", error)
+                continue
+            each.tracker, each.track = tracker, Track(each.xywh)
+            self._group.join(tracker, each.xywh)
+
+    def _give_up(self, target: _Followed, what: str, error: Exception) -> None:
+        """Follow a target no longer, because of an error."""
+        self._failed(f"{target.name} {what}", error)
+        self.remove(target.id)
+
+    def _report_camera(self) -> None:
+        if self._group.camera_failure is not None:
+            self._failed("the camera's motion in this frame", self._group.camera_failure)
 
     def _one(self, id: int) -> _Followed:
         for each in self._followed:

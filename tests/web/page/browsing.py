@@ -70,6 +70,14 @@ def served(feed, *, still=False, **options):
         yield server
 
 
+@contextmanager
+def served_session(session):
+    """A server with this session."""
+    with session, LiveServer(session, port=0) as server:
+        server.session = session
+        yield server
+
+
 class Visitor:
     """Somebody who looks at a page, with eyes, mouse and keyboard."""
 

@@ -34,12 +34,16 @@ class EndlessFeed(Newest):
 
     def __init__(self, size):
         super().__init__("endless", size, RATE)
-        background = world(1, size)
-        shifts = [(3 * np.sin(k), 2 * np.cos(k), 0.0) for k in range(6)]
-        self._pictures = [seen(background, pose) for pose in poses(shifts, size)]
+        self.resize(size)
         self.brought = 0
         self._thread = threading.Thread(target=self._bring, daemon=True)
         self._thread.start()
+
+    def resize(self, size):
+        """Have frames of another size from now on."""
+        background = world(1, size)
+        shifts = [(3 * np.sin(k), 2 * np.cos(k), 0.0) for k in range(6)]
+        self._pictures = [seen(background, pose) for pose in poses(shifts, size)]
 
     def _bring(self):
         while not self._closed:
@@ -96,10 +100,10 @@ class Live:
 
 
 @contextmanager
-def serving(*, webcam=False, size=SIZE, recordings=None, **options):
+def serving(*, webcam=False, size=SIZE, recordings=None, tracker="csrt", **options):
     """A served session; `options` are those of `LiveServer`."""
     feed, news = PushedFeed() if webcam else EndlessFeed(size), Rota()
-    tracker = ssiam.load_tracker("csrt", stabilize="predict")
+    tracker = ssiam.load_tracker(tracker, stabilize="predict")
     options = {"port": 0, "limits": HASTY, **options}
     with (
         Session(feed, tracker, "csrt", Recordings(recordings), news=news) as session,

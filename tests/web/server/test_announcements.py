@@ -59,6 +59,7 @@ def test_a_step_is_header_and_pictures():
     assert boat == {
         **{"id": 1, "name": "boat", "colour": "#5ae63c", "box": [1, 2, 3, 4.1235]},
         **{"corners": None, "score": 0.93, "lost": False, "found": False},
+        **{"error": None},
     }
     assert (half["corners"], half["lost"], half["found"]) == ([[1, 1]] * 4, True, True)
     assert header == {
@@ -72,7 +73,7 @@ def test_a_step_is_header_and_pictures():
         },
         "pictures": [{"view": "raw", "bytes": 3}, {"view": "steadied", "bytes": 5}],
         **{"latency": 0.0125, "fps": 29.97, "dropped": 3, "skipped": 2, "clients": 1},
-        **{"playing": "playing", "recording": None},
+        **{"playing": "playing", "recording": None, "error": None},
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +11,8 @@ from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.errors import Note
 from ssiam.web.feeds.newest import Newest, told_fps
+
+_log = logging.getLogger(__name__)
 
 # Seconds by which a frame may be late and still be caught up with, and by which it may be early
 # and still be waited for. What is further off is a new beginning: a computer that slept, a
@@ -116,6 +119,8 @@ class PacedFeed(Newest):
     def _begin(self, source: Source) -> None:
         with self._changed:
             self._run += 1
+            self.size_wh, self.fps = source.size_wh, float(source.fps)
+            self.length = source.length
             self._waiting = None
             self._state = "playing"
             self._passes = 1 if self._paused else 0
@@ -135,6 +140,11 @@ class PacedFeed(Newest):
                         return
         except SsiamError as error:
             self._notes(Note("error", str(error)))
+        except Exception as error:
+            _log.exception("reading %s", self.name)
+            # Its text may hold the address with its password.
+            text = f"{self.name} cannot be read any further ({type(error).__name__}); see the log"
+            self._notes(Note("error", text))
         if source.facts.undecoded:
             text = f"{source.facts.undecoded} frames of {self.name} could not be decoded"
             self._notes(Note("warning", text))

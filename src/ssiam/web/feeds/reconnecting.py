@@ -133,6 +133,9 @@ class ReconnectingFeed(Newest):
         except SsiamError as error:
             _log.info("%s", error)
             return False
+        except Exception:
+            _log.exception("reading %s", self.name)
+            return False
         return source.length is not None
 
     def _found_again(self) -> Source | None:
@@ -147,6 +150,9 @@ class ReconnectingFeed(Newest):
                 source = self._reopen()
             except SsiamError as error:
                 _log.debug("%s", error)
+                continue
+            except Exception:
+                _log.exception("opening %s", self.name)
                 continue
             self._welcome(source)
             return source

@@ -9,11 +9,12 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from ssiam.errors import ArgumentError
-from ssiam.web.mavlink.commands import Budget, CommandReader
+from ssiam.web.mavlink.commands import Asked, Budget, CommandReader
 from ssiam.web.mavlink.desk import Desk
 from ssiam.web.mavlink.links import open_link
 from ssiam.web.mavlink.messages import COMPONENT, Message, dialect, heartbeat
 from ssiam.web.step import Step
+from ssiam.web.troubles import Troubles
 
 if TYPE_CHECKING:
     from ssiam.web.session import Session
@@ -53,6 +54,7 @@ class MavlinkCamera:
         self._link = open_link(address)
         self._reader = CommandReader(system, COMPONENT)
         self._desk = Desk(session)
+        self._troubles = Troubles(session.say)
         self._bytes, self._commands = Budget(_BYTES), Budget(_COMMANDS)
         self._mavlink = dialect.MAVLink(None, srcSystem=system, srcComponent=COMPONENT)
         self._sending = threading.Lock()
@@ -95,9 +97,13 @@ class MavlinkCamera:
                 beat = time.monotonic()
                 self._send([heartbeat()])
             step = self._newest
-            if step is not None and step.number != told:
-                told = step.number
+            if step is None or step.number == told:
+                continue
+            told = step.number
+            try:
                 self._send(self._desk.news(step))
+            except Exception as error:
+                self._troubles.tell("the MAVLink tracking status", error)
 
     def _read(self) -> None:
         """The reader's thread: commands as they come, answers as the session gives them."""
@@ -109,8 +115,17 @@ class MavlinkCamera:
             whole = self._link.datagrams or silence > _PAUSE
             for asked in self._reader.commands(data, whole=whole):
                 if self._commands.take(1):
-                    self._send(self._desk.handle(asked))
-            self._send(self._desk.answers())
+                    self._take(asked)
+            try:
+                self._send(self._desk.answers())
+            except Exception as error:
+                self._troubles.tell("the answer to a MAVLink command", error)
+
+    def _take(self, asked: Asked) -> None:
+        try:
+            self._send(self._desk.handle(asked))
+        except Exception as error:
+            self._troubles.tell(f"the MAVLink command {asked.command}", error)
 
     def _send(self, messages: Iterable[Message]) -> None:
         for message in messages:

@@ -102,7 +102,8 @@ class CommandReader:
             return None
         try:
             return self._mavlink.decode(frame)
-        except dialect.MAVError:
+        except Exception:
+            # pymavlink raises more than its own MAVError; no frame may keep others from being read.
             return None
 
     def _asked(self, message: Message) -> Asked | None:

@@ -15,6 +15,7 @@ const byId = (id) => document.getElementById(id);
 export class Controls {
   #newest = null; // header of the newest step
   #asked = null;
+  #health = "running";
   #handlers;
 
   /** @param {Handlers} handlers */
@@ -69,6 +70,12 @@ export class Controls {
     this.#newest = header;
   }
 
+  /** Show that tracking stands still or has ended, which outlasts every step. */
+  showHealth(state) {
+    this.#health = state;
+    this.#showPlaying(this.#newest?.playing ?? "connecting");
+  }
+
   /** Show what was seen last. */
   show() {
     const header = this.#newest;
@@ -88,7 +95,8 @@ export class Controls {
   }
 
   #showPlaying(playing) {
-    byId("playing").textContent = byId("playing").dataset.playing = playing;
+    const word = this.#health === "running" || playing === DISCONNECTED ? playing : this.#health;
+    byId("playing").textContent = byId("playing").dataset.playing = word;
     const paused = playing === "paused";
     byId("pause").dataset.paused = paused;
     const still = playing === "ended" || playing === DISCONNECTED;

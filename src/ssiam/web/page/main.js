@@ -24,8 +24,10 @@ class Live {
   #newest = null; // header of the newest step that came, shown or not
   #selected = null;
   #states = new States();
+  #health = { state: "running", message: "" };
   #charts = new Charts();
   #stateOf = (target) => this.#states.of(target, performance.now());
+  #errorOf = (target) => this.#states.errorOf(target, performance.now());
   #socket = new Socket({
     message: (message) => this.#message(message),
     binary: (buffer) => this.#step(buffer),
@@ -93,6 +95,7 @@ class Live {
   #message(message) {
     if (message.type === "hello") this.#begin(message);
     else if (message.type === "recordings") this.#recordings.update(message.recordings);
+    else if (message.type === "health") this.#showHealth(message);
     else if (message.type === "note") toast(message.level, message.message);
     else if (message.type === "error") toast("error", message.message);
   }
@@ -103,7 +106,7 @@ class Live {
     this.#controls.begin(hello);
     this.#layout.begin(hello.size);
     this.#camera.offer(hello.webcam);
-    banner(null);
+    this.#showHealth({ state: "running", message: "" });
     hint(hello.webcam ? "Waiting for somebody's camera." : "Waiting for the first picture.");
     if (hello.protocol !== PROTOCOL) toast("warning", "This page is older or newer than its server.");
   }
@@ -112,7 +115,16 @@ class Live {
     this.#pencil.cancel();
     this.#controls.end();
     this.#newest = null;
-    banner(`${reason} Trying again in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
+    // Why the session ended is worth more than that it did.
+    const why = this.#health.state === "failed" ? `${this.#health.message}.` : reason;
+    banner(`${why} Trying again in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
+  }
+
+  /** Whether targets are tracked at all; another session's first message takes it back. */
+  #showHealth({ state, message }) {
+    this.#health = { state, message };
+    this.#controls.showHealth(state);
+    banner(state === "running" ? null : `${message}.`, { retry: false });
   }
 
   #step(buffer) {
@@ -141,7 +153,7 @@ class Live {
   #showPanels() {
     if (!this.#newest) return;
     const { targets } = this.#newest;
-    this.#targets.update(targets, this.#stateOf, this.#selected);
+    this.#targets.update(targets, this.#stateOf, this.#errorOf, this.#selected);
     this.#controls.show();
     this.#charts.draw();
     hint(targets.length ? "" : DRAW);

@@ -29,9 +29,10 @@ export function announce(sentence) {
   byId("announce").textContent = sentence;
 }
 
-/** Show that the connection is lost; null takes the banner away. */
-export function banner(message) {
+/** Show that the connection is lost, or that nothing is tracked; null takes the banner away. */
+export function banner(message, { retry = true } = {}) {
   byId("banner").hidden = message === null;
+  byId("banner-button").hidden = !retry;
   // An alert is read again whenever it is written.
   if (byId("banner-text").textContent !== (message ?? "")) {
     byId("banner-text").textContent = message ?? "";

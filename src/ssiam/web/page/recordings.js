@@ -4,7 +4,7 @@ import { withToken } from "./socket.js";
 
 const VIDEO = "video.mp4";
 
-/** @typedef {{name: string, frames: number, seconds: number, open: boolean, files: string[]}} Recording */
+/** @typedef {{name: string, frames: number, seconds: number, open: boolean, error: string | null, files: string[]}} Recording */
 
 export class Recordings {
   #list = document.getElementById("recordings");
@@ -46,10 +46,11 @@ export class Recordings {
     this.#video.load();
   }
 
-  #item({ name, frames, seconds, open, files }) {
+  #item({ name, frames, seconds, open, error, files }) {
     const item = document.createElement("li");
     const length = open ? "recording…" : `${seconds.toFixed(1)} s, ${frames} frames`;
     item.append(text("span", "title", name), text("span", "muted", length));
+    if (error) item.append(text("span", "trouble", error));
     if (open) return item;
     const links = text("p", "files", "");
     if (files.includes(VIDEO)) links.append(this.#playButton(name));

@@ -3,6 +3,7 @@
 import { contains } from "./geometry.js";
 
 const FOUND_FLASH = 1000; // milliseconds
+const ERROR_SHOWN = 3000; // milliseconds after the last frame on which a tracker failed
 
 /**
  * @typedef {object} Target
@@ -14,6 +15,7 @@ const FOUND_FLASH = 1000; // milliseconds
  * @property {number} score
  * @property {boolean} lost
  * @property {boolean} found
+ * @property {string | null} error why its tracker failed on this frame
  */
 
 /**
@@ -34,7 +36,9 @@ export function readStep(buffer) {
   return { header, jpegs };
 }
 
-/** Remembers which targets are lost, and for a second which were found again. */
+const UNKNOWN = { lost: false, foundAt: -Infinity, error: "", errorAt: -Infinity };
+
+/** Remembers which targets are lost, for a second which were found again, and recent errors. */
 export class States {
   #known = new Map();
 
@@ -47,13 +51,18 @@ export class States {
   update({ targets }, now) {
     const told = [];
     const known = new Map();
-    for (const { id, name, lost, found } of targets) {
-      const before = this.#known.get(id) ?? { lost: false, foundAt: -Infinity };
+    for (const { id, name, lost, found, error } of targets) {
+      const before = this.#known.get(id) ?? UNKNOWN;
+      if (error) {
+        if (now - before.errorAt > ERROR_SHOWN) told.push(`The tracker of ${name} fails: ${error}`);
+        known.set(id, { ...before, error, errorAt: now });
+        continue;
+      }
       const again = !lost && (found || before.lost);
       // The step on which it was found may be one that this client was not sent.
       if (again) told.push(`${name} is found again`);
       if (lost && !before.lost) told.push(`${name} is lost`);
-      known.set(id, { lost, foundAt: again ? now : before.foundAt });
+      known.set(id, { ...before, lost, foundAt: again ? now : before.foundAt });
     }
     this.#known = known;
     return told;
@@ -73,6 +82,17 @@ export class States {
     if (target.lost) return "lost";
     const foundAt = this.#known.get(target.id)?.foundAt ?? -Infinity;
     return now - foundAt < FOUND_FLASH ? "found" : "tracking";
+  }
+
+  /**
+   * Why its tracker failed, if it did so on one of the last frames; else "".
+   * @param {Target} target
+   * @param {number} now milliseconds
+   * @returns {string}
+   */
+  errorOf(target, now) {
+    const { error, errorAt } = this.#known.get(target.id) ?? UNKNOWN;
+    return now - errorAt < ERROR_SHOWN ? error : "";
   }
 }
 

@@ -26,9 +26,10 @@ export class TargetList {
   /**
    * @param {import("./steps.js").Target[]} targets
    * @param {(target: object) => "tracking" | "lost" | "found"} stateOf
+   * @param {(target: object) => string} errorOf "" where there is none
    * @param {number | null} selected
    */
-  update(targets, stateOf, selected) {
+  update(targets, stateOf, errorOf, selected) {
     const ids = new Set(targets.map(({ id }) => id));
     for (const [id, row] of this.#rows) {
       if (ids.has(id)) continue;
@@ -37,7 +38,10 @@ export class TargetList {
     }
     for (const target of targets) {
       if (!this.#rows.has(target.id)) this.#rows.set(target.id, this.#add(target));
-      show(this.#rows.get(target.id), target, stateOf(target), target.id === selected);
+      const row = this.#rows.get(target.id);
+      show(row, target, stateOf(target), target.id === selected);
+      row.error.textContent = errorOf(target);
+      row.error.hidden = row.error.textContent === "";
     }
     this.#empty.hidden = targets.length > 0;
   }
@@ -111,10 +115,11 @@ function makeRow(colour) {
   const bar = make("span", "bar");
   const number = make("span", "number");
   const remove = make("button", "remove quiet", { type: "button", textContent: "×" });
+  const error = make("span", "trouble", { hidden: true });
   swatch.style.backgroundColor = bar.style.backgroundColor = colour;
   meter.append(bar);
-  item.append(swatch, name, state, meter, number, remove);
-  return { item, swatch, name, state, meter, bar, number, remove, known: null, isSent: false };
+  item.append(swatch, name, state, meter, number, remove, error);
+  return { item, swatch, name, state, meter, bar, number, remove, error, known: null, isSent: false };
 }
 
 function make(tag, className, properties = {}) {

@@ -12,7 +12,7 @@ from typing import Any, Final
 from ssiam.errors import SsiamError
 from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
-from ssiam.web.errors import CommandError, Note
+from ssiam.web.errors import CommandError, Health, Note
 from ssiam.web.info import SessionInfo, SessionLimits
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.messages import METHODS
@@ -62,6 +62,11 @@ def note(note: Note) -> str:
     return _text(type="note", level=note.level, message=note.message)
 
 
+def health(health: Health) -> str:
+    """Whether the targets are still tracked."""
+    return _text(type="health", state=health.state, message=health.message)
+
+
 def recordings(listing: list[dict[str, Any]]) -> str:
     """The list of recordings."""
     return _text(type="recordings", recordings=listing)
@@ -99,6 +104,7 @@ def step_message(
         clients=clients,
         playing=step.playing,
         recording=step.recording,
+        error=step.error or None,
     ).encode()
     return b"".join([struct.pack(">I", len(header)), header, *(jpeg for _, jpeg in pictures)])
 
@@ -117,6 +123,7 @@ def _target(target: Target) -> dict[str, Any]:
         "score": _rounded(track.score),
         "lost": bool(track.lost),
         "found": target.found,
+        "error": target.error or None,
     }
 
 

@@ -72,7 +72,9 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
     async def tell_health(request: Request) -> Response:
         newest = session.newest
         number = None if newest is None else newest.number
-        return JSONResponse({"status": "ok", "clients": len(clients), "step": number})
+        state = session.health.state
+        status = "ok" if state == "running" else state
+        return JSONResponse({"status": status, "clients": len(clients), "step": number})
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:

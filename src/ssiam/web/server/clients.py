@@ -10,7 +10,7 @@ from typing import Any, Final
 from starlette.websockets import WebSocket
 
 from ssiam.web.errors import Note
-from ssiam.web.server.announcements import note, recordings
+from ssiam.web.server.announcements import health, note, recordings
 from ssiam.web.server.camera import BrowserCamera
 from ssiam.web.server.encoding import StepPictures
 from ssiam.web.server.limits import ServerLimits
@@ -59,6 +59,7 @@ class Clients:
         self._ends = [
             self._session.listen(arrived),
             self._session.notes(lambda news: call_on(loop, self._say_note, news)),
+            self._session.healths(lambda news: call_on(loop, self._say, health(news))),
             self._session.recordings.listen(
                 lambda listing: call_on(loop, self._say, recordings(listing))
             ),
@@ -89,6 +90,8 @@ class Clients:
         self._sockets[socket] = asyncio.current_task()
         try:
             socket.greet()
+            if self._session.health.state != "running":
+                socket.say(health(self._session.health))
             socket.say(recordings(self._session.recordings.listing()))
             if self._newest is not None:
                 socket.show(self._newest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import deque
 from collections.abc import Callable
@@ -15,6 +16,8 @@ from ssiam.web.server.announcements import step_message
 from ssiam.web.server.encoding import StepPictures
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.messages import View
+
+_log = logging.getLogger(__name__)
 
 _UNDER_WAY: Final = 2  # steps that are sent and not acknowledged
 
@@ -100,7 +103,13 @@ class Outbox:
 
     async def _send_step(self, newest: StepPictures) -> None:
         step, self._send_again = newest.step, False
-        pictures = await newest.wanted(self._view)
+        try:
+            pictures = await newest.wanted(self._view)
+        except Exception:
+            # The client is sent the next step in its place.
+            _log.exception("step %d cannot be shown", step.number)
+            self._sent_number = step.number
+            return
         if self._sent_number:
             self._skipped += max(0, step.number - self._sent_number - 1)
         self._sent_number = step.number

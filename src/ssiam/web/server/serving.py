@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
-from ssiam.errors import MissingExtraError
+from ssiam.errors import IncompleteError, MissingExtraError
 
 try:
     import uvicorn
@@ -33,6 +33,7 @@ DEFAULT_PORT: Final = 8765
 
 _GRACE: Final = 2  # seconds for downloads when the server ends
 _GLANCE: Final = 0.2  # seconds between two looks at a server that runs
+_LAST_WORDS: Final = 1.0  # seconds for clients to hear that the session has failed
 
 
 class LiveServer:
@@ -74,6 +75,7 @@ class LiveServer:
         limits: ServerLimits | None = None,
     ) -> None:
         limits = limits or ServerLimits()
+        self._session = session
         self._listener = listen(host, port)
         self.access = access_to(self._listener, host, needs_token=needs_token)
         self.address = page_address(self._listener, self.access)
@@ -99,11 +101,22 @@ class LiveServer:
         self._listener.close()
 
     def run(self) -> None:
-        """Serve until Ctrl-C."""
+        """Serve until Ctrl-C, or until the session has failed and its clients know it.
+
+        Raises
+        ------
+        IncompleteError
+            The server has ended by itself.
+        """
         # Not Thread.join, which takes a thread for ended when Ctrl-C interrupts it (CPython 3.11).
         with self, suppress(KeyboardInterrupt):
             while not self._ended.wait(_GLANCE):
-                pass
+                if self._session.health.state == "failed":
+                    self._ended.wait(_LAST_WORDS)
+                    break
+            else:
+                if not self._server.should_exit:
+                    raise IncompleteError(f"{self.address}: the server has ended; see its log")
 
     def __enter__(self) -> LiveServer:
         self.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -10,7 +11,7 @@ from typing import Any, Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ssiam.errors import SsiamError
+from ssiam.errors import SsiamError, one_line
 from ssiam.web.commands import Command
 from ssiam.web.errors import CommandError
 from ssiam.web.server.announcements import done, hello, refusal
@@ -20,6 +21,8 @@ from ssiam.web.server.limits import Allowance, ServerLimits
 from ssiam.web.server.messages import BadMessage, Message, Shown, View, parse_message
 from ssiam.web.server.outbox import Outbox
 from ssiam.web.session import Session
+
+_log = logging.getLogger(__name__)
 
 GOING_AWAY: Final = 1001
 POLICY: Final = 1008
@@ -166,7 +169,7 @@ class ClientSocket:
         if isinstance(error, SsiamError):
             self.say(refusal(ask, error))
         elif error is not None:
-            raise error
+            self.say(refusal(ask, CommandError("failed", one_line(error))))
         elif ask is not None:
             self.say(done(ask, answer.result()))
 
@@ -185,7 +188,8 @@ class ClientSocket:
             self._bad += 1
             self.say(refusal(None, CommandError("bad-message", str(error))))
         elif error is not None:
-            raise error
+            _log.error("a picture of a browser's camera", exc_info=error)
+            self.say(refusal(None, CommandError("failed", one_line(error))))
 
 
 def call_on(loop: asyncio.AbstractEventLoop, callback: Callable[..., None], *args: Any) -> None:

@@ -1,0 +1,69 @@
+"""`ssiam track` where a tracker fails on the way: the rest is tracked, and exit code 3 says so."""
+
+import pytest
+from tracked_clip import BOX, COUNT, box_of, decoded, rows_of
+
+from ssiam.cli import main
+from ssiam.motion import CameraMotion
+from ssiam.trackers.opencv import OpenCvTracker
+
+OTHER = (40.0, 60.0, 50.0, 40.0)
+
+
+@pytest.fixture
+def arguments(clip, tmp_path):
+    words = ["track", str(clip[0]), "--box", box_of(BOX), "--box", box_of(OTHER)]
+    words += ["--tracker", "kcf", "--results", str(tmp_path / "r.csv")]
+    return [*words, "--out", str(tmp_path / "o.mp4")]
+
+
+@pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
+def test_one_targets_tracker_that_raises_leaves_the_other(
+    arguments, tmp_path, monkeypatch, capsys, stabilize
+):
+    track, seen = OpenCvTracker.track, {}
+
+    def sometimes(tracker, view):
+        own = seen.setdefault(id(tracker), [])
+        own.append(tracker)
+        if tracker is next(iter(seen.values()))[0] and len(own) % 10 == 0:
+            raise RuntimeError("come apart")
+        return track(tracker, view)
+
+    monkeypatch.setattr(OpenCvTracker, "track", sometimes)
+    assert main([*arguments, "--stabilize", stabilize]) == 3
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1
+    assert "target 1 could not be tracked in" in told.err
+    assert "frame 10: RuntimeError: come apart" in told.err
+    assert len(decoded(tmp_path / "o.mp4")[0]) == COUNT
+    rows = rows_of(tmp_path / "r.csv")
+    assert len(rows) == 2 * COUNT
+    failed = [row for row in rows if row["target"] == "1" and int(row["frame"]) % 10 == 0][1:]
+    assert {(row["lost"], float(row["score"])) for row in failed[:1]} == {("1", 0.0)}
+    assert all(row["lost"] == "0" for row in rows if row["target"] == "2")
+
+
+def test_camera_motion_that_raises_leaves_the_targets(arguments, tmp_path, monkeypatch, capsys):
+    update, calls = CameraMotion.update, []
+
+    def sometimes(camera, *given):
+        calls.append(camera)
+        if len(calls) == 20:
+            raise ArithmeticError("singular")
+        return update(camera, *given)
+
+    monkeypatch.setattr(CameraMotion, "update", sometimes)
+    assert main([*arguments, "--threads", "2"]) == 3
+    assert "camera could not be tracked in 1 of" in capsys.readouterr().err
+    assert len(rows_of(tmp_path / "r.csv")) == 2 * COUNT
+
+
+def test_a_box_that_csrt_cannot_take_is_wrong_usage_and_writes_nothing(clip, tmp_path, capsys):
+    words = ["track", str(clip[0]), "--tracker", "csrt", "--out", str(tmp_path / "o.mp4")]
+    for box in ("100,100,1,1", "0,100,320,1", "0,0,1e6,1e6"):
+        assert main([*words, "--box", box]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "box" in error
+    assert not (tmp_path / "o.mp4").exists()

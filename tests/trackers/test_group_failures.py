@@ -1,0 +1,80 @@
+"""A group in which one tracker fails: the others go on, if that is asked for."""
+
+import numpy as np
+import pytest
+from troubled import every_tenth, troubled_tracker
+
+import ssiam
+from ssiam.errors import FrameSizeError
+from ssiam.motion import CameraMotion
+from synthetic import golden_video
+
+OTHER = (20.0, 30.0, 40.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def video():
+    return golden_video("A")
+
+
+@pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
+def test_the_others_boxes_are_those_of_a_group_without_it(video, stabilize):
+    frames, box = video
+    alone = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize))
+    alone.init(frames[0], [box])
+    group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize), keep_going=True)
+    group.init(frames[0], [box])
+    failing = troubled_tracker(every_tenth, stabilize)
+    failing.init(frames[0], OTHER)
+    group.join(failing, OTHER)
+    failed = []
+    for number, frame in enumerate(frames[1:25], 1):
+        (wanted,), (track, other) = alone.update(frame), group.update(frame)
+        if stabilize == "off":
+            assert track.box == wanted.box
+        assert set(group.failures) == ({1} if number % 10 == 0 else set())
+        failed += [other] if group.failures else []
+    assert {(track.lost, track.score) for track in failed} == {(True, 0.0)}
+
+
+def test_without_it_the_error_is_raised(video):
+    frames, box = video
+    group = ssiam.TrackerGroup(troubled_tracker(every_tenth))
+    group.init(frames[0], [box])
+    for frame in frames[1:10]:
+        group.update(frame)
+    with pytest.raises(RuntimeError, match="come apart"):
+        group.update(frames[10])
+
+
+def test_camera_motion_that_fails_is_unreliable(video, monkeypatch):
+    frames, box = video
+    group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="predict"), keep_going=True)
+    group.init(frames[0], [box])
+    with monkeypatch.context() as patched:
+        patched.setattr(CameraMotion, "update", lambda *given: 1 / 0)
+        group.update(frames[1])
+    assert isinstance(group.camera_failure, ZeroDivisionError)
+    assert not group.motion.reliable
+    group.update(frames[2])
+    assert group.camera_failure is None
+
+
+def test_a_frame_of_another_size_is_refused_all_the_same(video):
+    frames, box = video
+    group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="off"), keep_going=True)
+    group.init(frames[0], [box])
+    with pytest.raises(FrameSizeError):
+        group.update(np.ascontiguousarray(frames[1][:-2]))
+
+
+def test_a_tracker_that_cannot_be_switched_is_named(video):
+    frames, box = video
+    group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="off"), keep_going=True)
+    group.init(frames[0], [box, OTHER])
+    second = group._trackers[1]
+    second.switch = lambda config, frame: 1 / 0
+    group.switch(ssiam.StabilizerConfig("predict"), frames[0])
+    assert set(group.failures) == {1}
+    group.leave(second)
+    assert len(group.update(frames[1])) == 1

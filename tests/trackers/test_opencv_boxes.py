@@ -1,0 +1,78 @@
+"""Boxes that OpenCV's trackers cannot take are refused in one line, and change nothing."""
+
+import numpy as np
+import pytest
+
+import ssiam
+from ssiam.errors import ArgumentError, SsiamError, TrackingError
+from ssiam.trackers import opencv
+from synthetic import generator
+
+SIZE = (640, 360)
+THIN = {
+    "along the upper border": (5, 5, 500, 10),
+    "along the left border": (300, 5, 4, 350),
+    "of one pixel": (300, 150, 1, 1),
+    "a line across": (0, 150, 640, 1),
+    "with one pixel in the frame": (639, 359, 50, 50),
+    "before the frame": (-49, -49, 50, 50),
+    "of four by four": (300, 150, 4, 4),
+    "the whole frame": (0, 0, 640, 360),
+}
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return generator(0).integers(0, 255, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("box", THIN.values(), ids=THIN)
+@pytest.mark.parametrize("stabilize", ["predict", "off"])
+@pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
+def test_a_box_is_followed_or_refused_in_one_line(frame, name, stabilize, box):
+    tracker = ssiam.load_tracker(name, stabilize=stabilize)
+    refused = ""
+    try:
+        tracker.init(frame, box)
+        tracker.update(frame)
+    except SsiamError as error:
+        refused = str(error)
+    assert "\n" not in refused
+    assert not refused or name in refused
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4])
+def test_mil_refuses_what_it_would_never_end_with(frame, side):
+    with pytest.raises(ArgumentError, match=f"{side}x{side} pixels"):
+        ssiam.load_tracker("mil", stabilize="off").init(frame, (300, 150, side, side))
+    with pytest.raises(ArgumentError, match="1x80 pixels"):
+        ssiam.load_tracker("mil", stabilize="off").init(frame, (300, 150, 1, 80))
+
+
+@pytest.mark.parametrize("name", ["lite", "csrt", "kcf", "mil"])
+def test_a_box_that_would_need_terabytes_is_refused(frame, name):
+    tracker = ssiam.load_tracker(name, stabilize="off")
+    for box in ((0, 0, 1e6, 1e6), (-5e5, 10, 1e6, 20), (10, 10, 20, 2e4)):
+        with pytest.raises(ArgumentError, match="more than 2 times the frame of 640x360"):
+            tracker.init(frame, box)
+
+
+def test_a_refused_box_leaves_the_target(frame):
+    tracker = opencv.OpenCvTracker("csrt")
+    view = ssiam.stabilize.FrameView(frame)
+    tracker.init(view, (300, 150, 60, 50))
+    before = tracker.track(view)
+    with pytest.raises(ArgumentError):
+        tracker.init(view, (300, 150, 1, 1))
+    after = tracker.track(view)
+    assert after.box == pytest.approx(before.box, abs=2)
+    assert after.score == pytest.approx(before.score, abs=0.1)
+
+
+def test_what_opencv_raises_on_a_frame_is_told_in_one_line(frame):
+    tracker = ssiam.load_tracker("csrt", stabilize="off")
+    tracker.init(frame, (300, 150, 60, 50))
+    inner = tracker._tracker
+    with pytest.raises(TrackingError, match="csrt failed on this frame") as caught:
+        inner.track(ssiam.stabilize.FrameView(np.zeros((0, 0, 3), np.uint8)))
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,204 @@
+"""A thousand hostile commands, each followed by a good one that is answered."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from live_clients import Client, step_until
+from live_server import SECONDS, SIZE, serving, until
+
+import ssiam
+from ssiam.web.feeds.pushed import PushedFeed
+from ssiam.web.recording import Recordings
+from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.serving import LiveServer
+from ssiam.web.session import Session
+
+COMMANDS = 1000
+# As much as a test may send: what is tested is the session, not the server's allowances.
+PATIENT = ServerLimits(
+    messages_a_second=1e6, burst=10**6, bad_messages=10**6, frames_a_second=10**6, waiting=1000
+)
+# Hostile or not, a command is answered by one of these, and never by "failed".
+ANSWERS = {
+    None,
+    "bad-message",
+    "bad-box",
+    "no-such-target",
+    "too-many-targets",
+    "too-old",
+    "not-possible",
+}
+NUMBERS = (0, 1, 2, -1, 0.5, 3, 4, 59, 118, 119, 160, 161, 1e6, -1e6, 1e5, 2**31, 2**53, 1e308)
+TEXTS = (
+    "",
+    " ",
+    "a" * 41,
+    "b" * 60_000,
+    "\ud800",
+    "\0",
+    "😀",
+    "../../etc/passwd",
+    "<script>",
+    None,
+)
+
+
+def a_number(r):
+    return NUMBERS[r.integers(len(NUMBERS))]
+
+
+def a_text(r):
+    return TEXTS[r.integers(len(TEXTS))]
+
+
+def a_box(r):
+    """Thin, huge, empty, outside of the frame, or no box at all."""
+    kind = r.integers(6)
+    if kind == 0:
+        return [a_number(r) for _ in range(r.integers(3, 6))]
+    if kind == 1:
+        return [*r.uniform(-20, 150, 2), *r.uniform(0, 2, 2)]
+    if kind == 2:
+        return [*r.uniform(0, 150, 2), float(r.integers(1, 160)), float(r.integers(1, 4))]
+    if kind == 3:
+        return [*r.uniform(-100, 0, 2), *10 ** r.uniform(0, 6, 2)]
+    if kind == 4:
+        return [*r.uniform(0, 160, 2), float(r.integers(1, 4)), float(r.integers(1, 120))]
+    return (None, "box", {}, [[1, 2], [3, 4]], [True] * 4)[r.integers(5)]
+
+
+HOSTILE = {
+    "add": lambda r: {"box": a_box(r)},
+    "add into": lambda r: {"type": "add", "box": a_box(r), "number": a_number(r)},
+    "add named": lambda r: {"type": "add", "box": [20, 20, 9, 9], "name": a_text(r)},
+    "hold": lambda r: {"number": a_number(r)},
+    "remove": lambda r: {"id": a_number(r)},
+    "rename": lambda r: {"id": a_number(r), "name": a_text(r)},
+    "steady": lambda r: {"method": ("off", "paper", "predict", "literal", "", None)[r.integers(6)]},
+    "pause": lambda r: {},
+    "resume": lambda r: {},
+    "advance": lambda r: {},
+    "restart": lambda r: {},
+    "record": lambda r: {"on": (True, False, None, 1, "yes")[r.integers(5)]},
+    "view": lambda r: {"raw": True, "steadied": True, "width": a_number(r), "quality": a_number(r)},
+    "shown": lambda r: {"number": a_number(r)},
+    "nothing": lambda r: {"type": a_text(r)},
+}
+
+
+def hostile(r):
+    """The name of a kind, and a message of it."""
+    kind = list(HOSTILE)[r.integers(len(HOSTILE))]
+    fields = HOSTILE[kind](r)
+    if isinstance(fields.get("box"), list):
+        fields["box"] = [v if isinstance(v, (list, bool)) else float(v) for v in fields["box"]]
+    return {"type": kind.split()[0], **fields}
+
+
+@pytest.mark.parametrize(
+    ("tracker", "count"), [("lite", COMMANDS), ("csrt", 200), ("mil", 100), ("kcf", 200)]
+)
+def test_every_hostile_command_is_followed_by_a_good_one_that_is_answered(tracker, count, tmp_path):
+    r = np.random.default_rng(7)
+    with (
+        serving(tracker=tracker, limits=PATIENT, recordings=tmp_path) as live,
+        Client(live) as client,
+    ):
+        until(lambda: live.session.newest is not None)
+        codes = set()
+        for number in range(count):
+            codes.add(client.ask(**hostile(r)).get("code"))
+            assert client.ask(type="resume")["type"] == "done"
+            if number % 20 == 19:
+                is_well(client)
+        assert codes <= ANSWERS
+        assert {"bad-box", "no-such-target", "not-possible", None} <= codes
+        assert live.session.health.state == "running"
+
+
+def is_well(client):
+    """A target that can be followed is, and steps come."""
+    client.ask(type="remove")
+    client.ask(type="steady", method="predict")
+    added = client.ask(type="add", box=[50, 40, 40, 36], name="good")
+    assert added["type"] == "done", added
+    step = step_until(client, lambda step: [t["name"] for t in step["targets"]] == ["good"])
+    later = step_until(client, lambda later: later["number"] > step["number"] + 1)
+    assert later.get("error") is None
+    assert later["targets"][0].get("error") is None
+    assert client.ask(type="remove", id=added["answer"])["type"] == "done"
+
+
+def jpeg(width, height):
+    image = np.random.default_rng(1).integers(0, 255, (height, width, 3), dtype=np.uint8)
+    return cv2.imencode(".jpg", cv2.resize(image, (width, height)))[1].tobytes()
+
+
+@pytest.mark.parametrize("method", ["off", "paper", "predict"])
+def test_frames_of_any_size_from_a_browser(method):
+    with serving(webcam=True, limits=PATIENT) as live, Client(live) as client:
+        client.socket.send(jpeg(*SIZE))
+        step_until(client, lambda step: step["size"] == list(SIZE))
+        assert client.ask(type="steady", method=method)["type"] == "done"
+        for size in ((1, 1), (1, 120), (160, 1), (2, 2), (1, 1), (7, 3), (1999, 1), (1, 1999)):
+            for _ in range(2):
+                client.socket.send(jpeg(*size))
+                step = step_until(client, lambda step, size=size: step["size"] == list(size))
+                client.ask(type="add", box=[0, 0, *size])
+            client.socket.send(jpeg(*SIZE))
+            good = step_until(client, lambda step: step["size"] == list(SIZE))
+            assert good["number"] > step["number"]
+            added = client.ask(type="add", box=[50, 40, 40, 36])
+            assert added["type"] == "done"
+            client.socket.send(jpeg(*SIZE))
+            seen = step_until(client, lambda step, good=good: step["index"] > good["index"])
+            assert [target["id"] for target in seen["targets"]] == [added["answer"]]
+            client.ask(type="remove")
+
+
+def test_a_command_that_raises_is_answered_and_the_next_one_too():
+    with serving(limits=PATIENT) as live, Client(live) as client:
+        until(lambda: live.session.newest is not None)
+        following = live.session._following
+        whole, following._record = following._record, lambda on: 1 / 0
+        answer = client.ask(type="record", on=True)
+        assert (answer["code"], "ZeroDivisionError" in answer["message"]) == ("failed", True)
+        following._record = whole
+        assert client.ask(type="record", on=True)["type"] == "done"
+        assert client.ask(type="record", on=False)["type"] == "done"
+
+
+def test_what_is_not_text_neither_ends_it():
+    feed = PushedFeed()
+    tracker = ssiam.load_tracker("kcf", stabilize="paper")
+    with (
+        Session(feed, tracker, "kcf", Recordings()) as session,
+        LiveServer(session, port=0, limits=PATIENT) as server,
+    ):
+        r = np.random.default_rng(3)
+        address = f"ws://127.0.0.1:{server.access.port}/session"
+        from websockets.sync.client import connect
+
+        with connect(address, max_size=None) as socket:
+            good = jpeg(*SIZE)
+            for _ in range(100):
+                bad = bytearray(good)
+                for place in r.integers(2, len(bad) - 2, 20):
+                    bad[place] = r.integers(256)
+                socket.send(bytes(bad))
+                socket.send(good)
+                socket.send(json.dumps({"type": "pause", "ask": 1}))
+                socket.send(json.dumps({"type": "resume", "ask": 2}))
+                answered = 0
+                while answered < 2:
+                    message = socket.recv(timeout=SECONDS)
+                    if isinstance(message, str):
+                        answered += json.loads(message)["type"] == "done"
+                    else:
+                        number = session.newest.number
+                        socket.send(json.dumps({"type": "shown", "number": number}))
+        assert session.health.state == "running"
