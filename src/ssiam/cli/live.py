@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
 
-from ssiam.cli.arguments import tell_left_parts
+from ssiam.cli.arguments import report_left_parts
 from ssiam.cli.choice import STEADYING, TrackerChoice
 from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.stabilize import StabilizerConfig
@@ -104,7 +104,7 @@ def _check_outputs(
     check_apart_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
-        tell_left_parts(left_parts(rerun))
+        report_left_parts(left_parts(rerun))
 
 
 def _show(note: Note) -> None:

@@ -82,7 +82,7 @@ def write_network(network: LiteNetwork, folder: Path) -> None:
 
 
 def _write(network: LiteNetwork, folder: Path) -> tuple[str, ...]:
-    """Write everything, and tell the names of the pieces."""
+    """Write everything; the names of the pieces."""
     write_file(folder / WEIGHTS, network.state_dict())
     graphs = inference_graphs(network)
     inputs = ([network.template_shape], [network.search_shape, _KERNEL])
