@@ -79,7 +79,7 @@ def test_what_goes_wrong_leaves_the_older_file_and_no_part(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ["out.xml"]
 
 
-def test_only_parts_of_this_output_are_told_of(tmp_path):
+def test_only_parts_of_this_output_are_found(tmp_path):
     mine = ["clip.part-2.mp4", "clip.part.mp4"]
     others = ["clip.part.csv", "clip-2.part.mp4", "clip.part-x.mp4", "myclip.part.mp4", "clip.mp4"]
     for name in (*mine, *others):
@@ -93,7 +93,7 @@ def test_a_part_of_a_link_lies_beside_the_file(tmp_path):
     (tmp_path / "out.mp4").symlink_to("elsewhere/o.mp4")
     part = Part(tmp_path / "out.mp4")
     assert part.file == tmp_path / "elsewhere" / "o.part.mp4"
-    assert left_parts(tmp_path / "out.mp4") == [part.place]
+    assert left_parts(tmp_path / "out.mp4") == [part.location]
     part.finish()
     assert (tmp_path / "elsewhere" / "o.mp4").exists()
-    assert part.place == tmp_path / "out.mp4"
+    assert part.location == tmp_path / "out.mp4"

@@ -163,7 +163,7 @@ class Part:
         self._discarded = False
 
     @property
-    def place(self) -> Path | None:
+    def location(self) -> Path | None:
         """Where the output is now: under its name, in its part, or nowhere if it was discarded."""
         if self._discarded:
             return None
@@ -200,10 +200,10 @@ class Part:
             self.file.unlink()
 
     def error(self, error: Exception) -> SinkError:
-        """The error for a failure to write; tells where the part is, if there is anything in it."""
+        """The error for a failure to write; it names the part, if that holds anything."""
         with suppress(OSError):
             if self._target is not None and self.file.stat().st_size:
-                return output_error(self.path, error, self.place)
+                return output_error(self.path, error, self.location)
         return output_error(self.path, error)
 
 

@@ -127,6 +127,7 @@ def test_standard_input_and_output_that_are_files_are_compared_too(folder):
             timeout=120,
         )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--out clip.mp4 is the file of the source" in done.stderr
     with open("results.csv", "ab") as stdout:
         words = ["export", "results.csv", "--to", "coco", "--size", "9x9", "--fps", "25"]
         done = subprocess.run(
@@ -137,6 +138,7 @@ def test_standard_input_and_output_that_are_files_are_compared_too(folder):
             timeout=120,
         )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--out /dev/stdout is the file of results results.csv" in done.stderr
     assert content(folder) == before
 
 
@@ -259,6 +261,7 @@ def test_a_full_disk_keeps_the_older_plot(folder):
     words = ["track", "clip.mp4", *TRACK, "--plot", "o.png", "--overwrite"]
     done = run(*words, preexec_fn=_small_files(500))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "o.png: cannot be written (File too large)" in done.stderr
     assert Path("o.png").read_text() == "older"
     assert not list(folder.glob("*.part*"))
 

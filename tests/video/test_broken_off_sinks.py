@@ -74,8 +74,8 @@ def test_the_next_part_does_not_touch_the_one_that_was_left(tmp_path):
     (tmp_path / "out.part-2.mp4").write_text("left too")
     with VideoSink(tmp_path / "out.mp4", 25) as sink:
         sink.write(picture(0))
-        assert sink.place == tmp_path / "out.part-3.mp4"
-    assert sink.place == tmp_path / "out.mp4"
+        assert sink.location == tmp_path / "out.part-3.mp4"
+    assert sink.location == tmp_path / "out.mp4"
     assert len(decoded(tmp_path / "out.mp4")) == 1
     assert (tmp_path / "out.part.mp4").read_text() == "left"
     assert (tmp_path / "out.part-2.mp4").read_text() == "left too"

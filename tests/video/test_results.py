@@ -149,7 +149,7 @@ def test_old_results_stay_until_the_new_ones_are_whole(tmp_path):
     with open_results(tmp_path / "r.csv") as sink:
         sink.write(0, None, [PLAIN])
         assert (tmp_path / "r.csv").read_text() == "old\n"
-        assert sink.places == (tmp_path / "r.part.csv",)
+        assert sink.locations == (tmp_path / "r.part.csv",)
     assert len((tmp_path / "r.csv").read_text().splitlines()) == 2
     assert (tmp_path / "r.csv").stat().st_mode & 0o777 == 0o640
     assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]

@@ -22,11 +22,11 @@ def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[
     check_apart([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
 
 
-def tell_left_parts(parts: Iterable[Path]) -> None:
-    """Tell where parts of outputs lie that runs which did not end have left."""
+def report_left_parts(parts: Iterable[Path]) -> None:
+    """Print the parts of outputs that unfinished runs left, on standard error."""
     for part in parts:
         print(
-            f"ssiam: {part} is left of a run that was killed or is still going on; it is kept",
+            f"ssiam: {part} was left by a run that was killed or is still running; it is kept",
             file=sys.stderr,
         )
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.arguments import tell_left_parts, words
+from ssiam.cli.arguments import report_left_parts, words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_apart, check_output, is_stream, left_parts
@@ -64,7 +64,7 @@ def export(
     else:
         check_apart_from_source([("--out", out)], video, inputs)
     check_output(out, overwrite=overwrite)
-    tell_left_parts(left_parts(out))
+    report_left_parts(left_parts(out))
     frames = _frames(video, size, fps, stream)
     named = None if names is None else words(names)
     annotations = read_annotations(results, frames.size_wh, frames.fps, named)

@@ -13,7 +13,7 @@ from typing import Annotated, Final, Literal
 from cyclopts import Group, Parameter
 
 from ssiam.cli.arguments import levels as parsed_levels
-from ssiam.cli.arguments import tell_left_parts
+from ssiam.cli.arguments import report_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TrackerChoice
 from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, left_parts
@@ -134,7 +134,7 @@ def _check_outputs(
     check_apart_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
-        tell_left_parts(left_parts(rerun))
+        report_left_parts(left_parts(rerun))
 
 
 def _leave(

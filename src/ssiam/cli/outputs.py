@@ -141,11 +141,11 @@ class Outputs:
                 self._video = _video_sink(destinations.video, source, overwrite=overwrite)
             stack.pop_all()
 
-    def places(self) -> list[tuple[str, Path]]:
+    def locations(self) -> list[tuple[str, Path]]:
         """What was written, and where it is now: under its name or in its part."""
-        video, plot = self._video and self._video.place, self._plot and self._plot.place
+        video, plot = self._video and self._video.location, self._plot and self._plot.location
         found = [("video", video)] if video else []
-        found += [("results", path) for path in (self._results.places if self._results else ())]
+        found += [("results", path) for path in (self._results.locations if self._results else ())]
         return found + ([("plot", plot)] if plot else [])
 
     @property

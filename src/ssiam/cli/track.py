@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 
 from ssiam.cli.arguments import levels as parsed_levels
-from ssiam.cli.arguments import tell_left_parts
+from ssiam.cli.arguments import report_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TARGET, TrackerChoice
 from ssiam.cli.outputs import Destinations, Outputs
 from ssiam.cli.report import Progress, Report
@@ -90,7 +90,7 @@ def track(
     else:
         destinations = Destinations.given(out, results, plot, layout, len(boxes), overwrite)
     destinations.check(source, choice.weight_files())
-    tell_left_parts(destinations.left)
+    report_left_parts(destinations.left)
     with ExitStack() as stack:
         frames = stack.enter_context(
             open_source(
@@ -106,7 +106,7 @@ def track(
         group.init(first.image, boxes)
         outputs = Outputs(frames, destinations, side_by_side=side_by_side, config=config)
         report = Report(frames.name, choice.tracker, config.stabilize, len(boxes))
-        stack.callback(lambda: report.show(outputs.places(), _remarks(frames, outputs)))
+        stack.callback(lambda: report.show(outputs.locations(), _remarks(frames, outputs)))
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
     report.check_whole()

@@ -89,7 +89,7 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
 
 
 def _write(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
-    """Write everything, and tell the names of the pieces."""
+    """Write everything; the names of the pieces."""
     write_file(folder / WEIGHTS, network.state_dict())
     if isinstance(network, BoxMaskNetwork):
         write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)

@@ -74,8 +74,8 @@ class PathPlot:
         return self._camera_path.difference() if self._camera_path.started else (0.0, 0.0, 0.0)
 
     @property
-    def place(self) -> Path | None:
-        """The picture; None until it is drawn."""
+    def location(self) -> Path | None:
+        """The image file; None until it is drawn."""
         return self._path if self._written else None
 
     def close(self) -> None:

@@ -96,9 +96,9 @@ class ResultSink:
             self._files[0].write_line(layout.header)
 
     @property
-    def places(self) -> tuple[Path, ...]:
+    def locations(self) -> tuple[Path, ...]:
         """Where the results are now: under their names or in their parts."""
-        return tuple(file.place for file in self._files if file.place is not None)
+        return tuple(file.location for file in self._files if file.location is not None)
 
     def write(self, frame_index: int, time: float | None, tracks: Sequence[Track]) -> None:
         """Write the tracks of one frame, in the order of the targets.
@@ -167,8 +167,8 @@ class _LineFile:
             raise part.error(error) from error
 
     @property
-    def place(self) -> Path | None:
-        return self._part.place
+    def location(self) -> Path | None:
+        return self._part.location
 
     def write_line(self, line: str) -> None:
         data = f"{line}\n".encode("ascii")

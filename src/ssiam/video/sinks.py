@@ -130,9 +130,9 @@ class VideoSink:
         self._failed = False
 
     @property
-    def place(self) -> Path | None:
+    def location(self) -> Path | None:
         """Where the video is now: under its name, in its part, or None if no frame was written."""
-        return self._part.place
+        return self._part.location
 
     def write(self, image: Image, time: float | None = None) -> float | None:
         """Append a (H, W, 3) uint8 BGR frame; its time in the file, seconds, None if left out.

@@ -61,7 +61,7 @@ def _path(source: str) -> Path | None:
 def _images(folder: Path) -> list[Path]:
     try:
         return image_paths(folder)
-    except OSError:  # told when it is opened
+    except OSError:  # reported when it is opened
         return []
 
 
@@ -84,7 +84,7 @@ def _names_in(path: Path) -> list[str]:
             head = file.read(len(_FFCONCAT))
             is_list = head.startswith(_M3U) or head == _FFCONCAT
             text = file.read(_LONGEST_LIST).decode("utf-8", "replace") if is_list else ""
-    except OSError:  # told when it is opened
+    except OSError:  # reported when it is opened
         return []
     if head == _FFCONCAT:
         return [name.strip(" '\"") for name in re.findall(r"(?m)^\s*file\s+(.+?)\s*$", text)]
@@ -97,5 +97,5 @@ def _would_be_read(output: Path, folder: Path) -> bool:
     target = Path(os.path.realpath(output))
     try:
         return target.suffix.lower() in IMAGE_SUFFIXES and target.parent.samefile(folder)
-    except OSError:  # told when it is opened
+    except OSError:  # reported when it is opened
         return False
