@@ -28,6 +28,8 @@ _DTYPES: Final = {"f32": torch.float32, "bf16": torch.bfloat16, "f16": torch.flo
 class GraphRunner:
     """A piece of a network, without gradients.
 
+    Threads: may be called from any number at once; the network keeps nothing between calls.
+
     Parameters
     ----------
     graph : InferenceGraph

@@ -28,7 +28,10 @@ PRECISIONS: Final[dict[RuntimeName, tuple[Precision, ...]]] = {
 
 
 class Network(Protocol):
-    """A compiled network with fixed input shapes."""
+    """A compiled network with fixed input shapes.
+
+    Threads: may be called from any number at once, as trackers of one load share it.
+    """
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:

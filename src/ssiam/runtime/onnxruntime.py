@@ -37,6 +37,8 @@ _REFUSED: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, Run
 class OnnxRuntimeNetwork:
     """An ONNX file in a session of its own.
 
+    Threads: may be called from any number at once; a session keeps nothing between calls.
+
     Parameters
     ----------
     path : Path
