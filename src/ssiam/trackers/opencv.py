@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.trackers.appearance import Appearance
 from ssiam.trackers.base import pixel_box
 from ssiam.trackers.confidence import Confidence
+from ssiam.trackers.mil import RepeatableMil
 from ssiam.trackers.track import Track
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
@@ -18,7 +21,7 @@ OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
 _CREATE: dict[OpenCvName, Any] = {
     "csrt": cv2.TrackerCSRT.create,
     "kcf": cv2.TrackerKCF.create,
-    "mil": cv2.TrackerMIL.create,
+    "mil": RepeatableMil,
 }
 _CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of likeness to the first and recent look
     "csrt": Confidence((7.2, 3.9), -6.2),
@@ -37,9 +40,10 @@ class OpenCvTracker:
     """One of OpenCV's trackers on the rendered view.
 
     They tell no score, only whether they still have the target, and MIL not even that: the score
-    is that of the box's `Appearance`. When they have not, the last box is kept. CSRT and KCF
-    repeat their results; OpenCV seeds MIL's samples from the clock, so its runs differ by a pixel
-    or so.
+    is that of the box's `Appearance`. When they have not, or OpenCV fails on a frame, the last box
+    is kept. All repeat their results; of MIL, `RepeatableMil` says how.
+
+    Threads: one thread at a time for each object; MIL trackers wait for each other.
 
     Parameters
     ----------
@@ -57,13 +61,23 @@ class OpenCvTracker:
         return 0.2 if self._name == "kcf" else None
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Start on `xywh`, rounded to whole pixels as OpenCV wants it."""
-        self._appearance = Appearance(view, xywh)
+        """Start on `xywh`, rounded to whole pixels as OpenCV wants it.
+
+        Raises
+        ------
+        ArgumentError
+            OpenCV cannot start there: the box is too small, too thin or too large for it.
+        """
+        appearance = Appearance(view, xywh)
         self._start(view, xywh)
+        self._appearance = appearance
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
-        found, (x, y, w, h) = self._tracker.update(view.render(self._surroundings))
+        try:
+            found, (x, y, w, h) = self._tracker.update(view.render(self._surroundings))
+        except cv2.error:
+            return Track(self._xywh, score=0.0)
         if not found or w <= 0 or h <= 0:
             return Track(self._xywh, score=0.0)
         # The border is an offset of the rendered picture (eq. 9).
@@ -77,7 +91,8 @@ class OpenCvTracker:
         """The place most like the target around `xywh`; followed from there if it is it."""
         track = self._judged(view, self._appearance.find(view, xywh, _REACH))
         if track.score > _TAKEN and _inside(track.box, view):
-            self._start(view, track.box)
+            with suppress(ArgumentError):
+                self._start(view, track.box)
         return track
 
     def another(self) -> OpenCvTracker:
@@ -96,9 +111,15 @@ class OpenCvTracker:
         box = pixel_box(
             (x + view.border, y + view.border, w, h), (picture.shape[1], picture.shape[0])
         )
-        self._tracker = _CREATE[self._name]()
-        self._tracker.init(picture, box)
-        self._xywh = xywh
+        tracker = _CREATE[self._name]()
+        try:
+            tracker.init(picture, box)
+        except cv2.error as error:
+            raise ArgumentError(
+                f"tracker {self._name} cannot start on a box of {box[2]}x{box[3]} pixels: "
+                "draw another one, or choose another tracker"
+            ) from error
+        self._tracker, self._xywh = tracker, xywh
 
     def _judged(self, view: FrameView, xywh: XYWH) -> Track:
         evidence = self._appearance.likeness(view, xywh)
