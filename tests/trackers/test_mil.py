@@ -60,14 +60,14 @@ def test_a_box_that_holds_no_feature_is_refused(size_wh):
         ssiam.load_tracker("mil", stabilize="off").init(world(), (300, 150, w, h))
 
 
-@pytest.mark.parametrize("name", ["csrt", "mil"])
-@pytest.mark.parametrize("box", [(0, 0, 640, 360), (5, 5, 600, 4), (300, 5, 4, 340)])
+@pytest.mark.parametrize(
+    ("name", "box"),
+    [("csrt", (5, 5, 600, 4)), ("csrt", (300, 5, 4, 340)), ("mil", (0, 0, 640, 360))],
+)
 def test_what_opencv_refuses_is_told_in_one_line(name, box):
     tracker = ssiam.load_tracker(name, stabilize="off")
     tracker.init(world(), (300, 150, 40, 50))
     before = tracker.update(world())
-    try:
+    with pytest.raises(ssiam.ArgumentError, match=rf"^tracker {name} cannot start on a box of .*$"):
         tracker.init(world(), box)
-    except ssiam.ArgumentError as error:
-        assert "\n" not in str(error)
-        assert tracker.update(world()).box == pytest.approx(before.box, abs=2)  # as it was
+    assert tracker.update(world()).box == pytest.approx(before.box, abs=2)  # as it was

@@ -8,9 +8,9 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import Image
+from ssiam.geometry import Image, check_frame
 from ssiam.motion.camera import CameraMotion
-from ssiam.motion.motion import Motion
+from ssiam.motion.motion import Motion, known_motion
 
 
 class MotionAhead:
@@ -37,7 +37,12 @@ class MotionAhead:
         self._begun: tuple[Image, Future[Motion]] | None = None
 
     def start(self, frame: Image, exclude: Any = None) -> None:
-        """Begin with the motion to `frame`, which must be the next one given to `update`."""
+        """Begin with the motion to `frame`, which must be the next one given to `update`.
+
+        Until then the frame must not be written to. Another one may not be begun before.
+        """
+        if self._begun is not None:
+            raise ArgumentError("a frame is announced already: give it to update first")
         self._worker = self._worker or ThreadPoolExecutor(1, "camera-motion")
         self._begun = frame, self._worker.submit(self._camera.update, frame, exclude)
 
@@ -49,14 +54,16 @@ class MotionAhead:
         Raises
         ------
         ValueError
-            Another frame was begun.
+            Another frame was begun, and is still waited for; or as `CameraMotion.update`.
         """
         if self._begun is None:
             return self._camera.update(frame, exclude, motion)
-        (begun, found), self._begun = self._begun, None
-        estimated = found.result()
+        begun, found = self._begun
         if begun is not frame:
-            raise ArgumentError("this is not the frame that was announced as the next one")
-        if motion is None or isinstance(motion, Motion):
-            return motion or estimated
-        return Motion.given(motion, estimated.size_wh)
+            raise ArgumentError(
+                "this is not the frame that was announced as the next one: give that one first"
+            )
+        known = None if motion is None else known_motion(motion, check_frame(frame))
+        self._begun = None
+        estimated = found.result()
+        return known or estimated

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Final, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -78,8 +79,8 @@ class Running:
     def __post_init__(self) -> None:
         check_choice("runtime", self.runtime, get_args(RuntimeName))
         check_choice("precision", self.precision, get_args(Precision))
-        if self.threads < 1:
-            raise ArgumentError(f"threads is {self.threads}: it must be at least 1")
+        if not isinstance(self.threads, Integral) or self.threads < 1:
+            raise ArgumentError(f"threads is {self.threads!r}: it must be a whole number from 1 on")
         self._check_has("precision", self.precision, PRECISIONS[self.runtime])
         self._check_has("device", self.where, DEVICES[self.runtime])
         if self.precision == "f16" and self.where == "cpu":

@@ -119,12 +119,11 @@ class LiteTracker:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        self._state = state_at(xywh)
+        state, fill = state_at(xywh), view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        (kernel,) = self._networks.template(crop_tensor(crop))
+        self._state, self._fill, self._kernel = state, fill, kernel
         self._rivals = Rivals()
-        self._fill: Floats = view.raw.mean(axis=(0, 1))
-        side = round(self._state.context_side)
-        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
-        (self._kernel,) = self._networks.template(crop_tensor(crop))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners if they are wanted."""

@@ -75,14 +75,13 @@ class NanoTrack:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        self._state = TargetState.from_xywh(xywh)
-        self._fill: Floats = view.raw.mean(axis=(0, 1))
-        side = round(self._state.context_side)
-        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
-        (self._template,) = self._networks.template(crop_tensor(crop))
-        size = np.array(self._state.size_wh) * EXEMPLAR / self._state.context_side
+        state, fill = TargetState.from_xywh(xywh), view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        (template,) = self._networks.template(crop_tensor(crop))
+        size = np.array(state.size_wh) * EXEMPLAR / state.context_side
+        self._first_look = look(template, _STRIDE, np.array([0, 0, *size]))
+        self._state, self._fill, self._template = state, fill, template
         self._usual = Usual()
-        self._first_look = look(self._template, _STRIDE, np.array([0, 0, *size]))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""

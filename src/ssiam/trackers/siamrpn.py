@@ -124,9 +124,9 @@ class AnchorSearch:
     def start(self, view: FrameView, xywh: XYWH) -> TargetState:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state = self._state(xywh)
-        self._fill: Colour = view.raw.mean(axis=(0, 1))
-        crop = self._crop(view, state.centre_xy, round(state.context_side), EXEMPLAR, self._fill)
-        self._kernels = self._networks.template(crop_tensor(crop))
+        fill: Colour = view.raw.mean(axis=(0, 1))
+        crop = self._crop(view, state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        self._kernels, self._fill = self._networks.template(crop_tensor(crop)), fill
         return state
 
     def find(self, view: FrameView, state: TargetState) -> Found:
