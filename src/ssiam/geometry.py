@@ -188,7 +188,8 @@ def four_numbers(xywh: Any, name: str = "box") -> XYWH:
         )
     if len(values) != 4:
         raise ArgumentError(
-            f"{name} {shortened(xywh)} has {len(values)} numbers: give x, y, width, height in pixels"
+            f"{name} {shortened(xywh)} has {len(values)} numbers: "
+            "give x, y, width, height in pixels"
         )
     x, y, w, h = values
     return x, y, w, h

@@ -29,7 +29,9 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     moved,
+    smallest_size,
     state_at,
 )
 from ssiam.trackers.track import Track
@@ -123,6 +125,7 @@ class LiteTracker:
         crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         self._state, self._fill, self._kernel = state, fill, kernel
+        self._floor_wh = smallest_size(state.size_wh)
         self._rivals = Rivals()
 
     def track(self, view: FrameView) -> Track:
@@ -144,10 +147,11 @@ class LiteTracker:
         )
         self._rivals.follow(best)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(last, boxes[:, best], zoom, rate, view)
+        self._state = moved(last, boxes[:, best], zoom, rate, view, self._floor_wh)
         logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
         evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
         probability = self._confidence.probability(evidence)
+        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
         found = Track(self._state.xywh, probability, evidence=evidence)
         return self._masked(found, mask_logits, view, last, side) if self._masks else found
 

@@ -23,8 +23,10 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     foreground,
     moved,
+    smallest_size,
     state_at,
 )
 from ssiam.trackers.track import Track
@@ -50,6 +52,9 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
 
 class NanoTrack:
     """NanoTrack's loop on any frame view.
+
+    Unlike in the authors' loop a box may be smaller than 10 pixels, if the first one was smaller
+    than 20: half of that one, but no less.
 
     Parameters
     ----------
@@ -82,6 +87,7 @@ class NanoTrack:
         self._first_look = look(template, _STRIDE, np.array([0, 0, *size]))
         self._state, self._fill, self._template = state, fill, template
         self._usual = Usual()
+        self._floor_wh = smallest_size(state.size_wh)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
@@ -94,7 +100,7 @@ class NanoTrack:
         size = np.array(self._state.size_wh) * zoom
         best, penalty = choose(boxes, score, size, self._window, self._parameters)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(self._state, boxes[:, best], zoom, rate, view)
+        self._state = moved(self._state, boxes[:, best], zoom, rate, view, self._floor_wh)
         background, target = score_maps[0].reshape(2, -1)[:, best]
         likeness = float(self._first_look @ look(features, _STRIDE, boxes[:, best]))
         logit = float(np.clip(target - background, *_LOGITS))
@@ -102,6 +108,7 @@ class NanoTrack:
         shortfall = self._usual.shortfall(likeness, sure=logit > _KNOWN)
         evidence = logit, doubt * shortfall
         probability = self._confidence.probability(evidence)
+        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
         return Track(self._state.xywh, score=probability, evidence=evidence)
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:

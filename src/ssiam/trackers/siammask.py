@@ -16,7 +16,7 @@ from ssiam.stabilize import FrameView
 from ssiam.trackers.mask_boxes import Mask, ellipse_box, rectangle_box
 from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
-from ssiam.trackers.siamese import TargetState, kept_inside, state_at
+from ssiam.trackers.siamese import TargetState, floor_overlap, kept_inside, state_at
 from ssiam.trackers.siamrpn import (
     AnchorSearch,
     Found,
@@ -105,7 +105,7 @@ class SiamMask:
         self._state = self._search.start(view, xywh)
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners; the score is the candidate's."""
+        """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""
         last = self._state
         found = self._search.find(view, last)
         self._state = kept_inside(found.state, view)
@@ -116,7 +116,7 @@ class SiamMask:
         width, height = view.size_wh
         return Track(
             self._state.xywh,
-            score=found.score,
+            score=found.score * floor_overlap(self._state, found.size_wh),
             corners=self._corners(mask, margin, found.state),
             mask=mask[margin : margin + height, margin : margin + width],
         )

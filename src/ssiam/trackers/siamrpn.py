@@ -27,6 +27,7 @@ from ssiam.trackers.siamese import (
     crop_tensor,
     followed,
     foreground,
+    floor_overlap,
     kept_inside,
     state_at,
 )
@@ -93,12 +94,14 @@ class SiamRpnNetworks:
 class Found:
     """The best candidate in one search region.
 
-    `state` is where the target is now, not yet kept inside of the frame; `cell` the row and
+    `state` is where the target is now, not yet kept inside of the frame; `size_wh` (2,) the
+    candidate's own size in steadied pixels; `cell` the row and
     column of the response map; `crop_side` the side of the region in steadied pixels; `more` the
     network's outputs after the first two.
     """
 
     state: TargetState
+    size_wh: Floats
     score: float
     cell: tuple[int, int]
     crop_side: int
@@ -142,7 +145,8 @@ class AnchorSearch:
         best, penalty = choose(boxes, score, size, self._window, parameters)
         rate = penalty * score[best] * parameters.lr
         after = followed(state, boxes[:, best], zoom, rate)
-        return Found(after, float(score[best]), cell_of(best, parameters.side), side, more)
+        seen = boxes[2:, best] / zoom
+        return Found(after, seen, float(score[best]), cell_of(best, parameters.side), side, more)
 
     def _state(self, xywh: XYWH) -> TargetState:
         if self._parameters.variant == "pysot":
@@ -171,10 +175,15 @@ class SiamRpn:
         self._state = self._search.start(view, xywh)
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view; its score is the chosen candidate's softmax."""
+        """The target in the next view; its score is the chosen candidate's softmax.
+
+        Where the box is larger than the candidate, as it is never below 10 pixels, the score is
+        less: times the overlap that the box can have.
+        """
         found = self._search.find(view, self._state)
         self._state = kept_inside(found.state, view)
-        return Track(self._state.xywh, score=found.score)
+        score = found.score * floor_overlap(self._state, found.size_wh)
+        return Track(self._state.xywh, score=score)
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""

@@ -162,7 +162,7 @@ class SteadiedTracker:
     def _started(
         self, config: StabilizerConfig, frame: Image, xywh: XYWH, watch: Watch
     ) -> tuple[Pursuit | Steadying, MotionAhead | None]:
-        """What follows the target in `xywh` of `frame`, and the camera whose motion begins there."""
+        """What follows the target in `xywh` of `frame`, and a camera that has seen the frame."""
         make = Pursuit if config.stabilize == "predict" else Steadying
         follower, camera = make(self._tracker, config, xywh, watch), _camera(config)
         if camera is not None:
