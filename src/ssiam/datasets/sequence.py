@@ -20,6 +20,8 @@ from ssiam.video import open_source
 class Sequence:
     """One sequence of a dataset, as its reader found it on disk.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     name : str

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import deepcopy
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ssiam.copying import NotPickled
 from ssiam.errors import ArgumentError
 from ssiam.geometry import Image, check_frame
 from ssiam.motion.camera import CameraMotion
 from ssiam.motion.motion import Motion, known_motion
 
 
-class MotionAhead:
+class MotionAhead(NotPickled):
     """A `CameraMotion` that can be set to work on a frame before its motion is asked for.
+
+    Threads: one thread at a time for each object, with one more of its own; the frame given to
+    `start` must not be written to before `update` has returned for it.
 
     Networks leave a core free where there are two. What is left out of the estimate must be
     known when the work starts; the results are those of the camera alone.
@@ -31,10 +36,19 @@ class MotionAhead:
     >>> motion = ahead.update(next_frame, exclude=box)
     """
 
+    _instead = "pickle its CameraMotion, or make one where it is needed"
+
     def __init__(self, camera: CameraMotion) -> None:
         self._camera = camera
         self._worker: ThreadPoolExecutor | None = None
         self._begun: tuple[Image, Future[Motion]] | None = None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> MotionAhead:
+        if self._begun is not None:
+            self._begun[1].exception()  # waits: the camera is at work until then
+        copied = memo[id(self)] = MotionAhead(deepcopy(self._camera, memo))
+        copied._begun = self._begun  # the same frame is waited for
+        return copied
 
     def start(self, frame: Image, exclude: Any = None) -> None:
         """Begin with the motion to `frame`, which must be the next one given to `update`.

@@ -8,11 +8,12 @@ from typing import Any, Final, Literal, Protocol, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, check_frame, finite_array, shortened
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
-from ssiam.motion.keypoints import GeneratorName, keypoint_generator
+from ssiam.motion.keypoints import GeneratorName, KeypointGenerator
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion, known_motion
 from ssiam.motion.points import PointMotion
@@ -34,8 +35,10 @@ class _Estimator(Protocol):
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion: ...
 
 
-class CameraMotion:
+class CameraMotion(CopiedWhole):
     """Estimates the camera's motion from frame to frame, without delay.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Memory and time per frame do not grow with the stream.
 
@@ -112,8 +115,7 @@ class CameraMotion:
     def _made(self, size_wh: tuple[int, int]) -> _Estimator:
         if self._keypoints == "direct":
             return DirectMotion(size_wh, self._model)
-        generate = keypoint_generator(self._keypoints)
-        return PointMotion(size_wh, generate, self._fit, self._model)
+        return PointMotion(size_wh, KeypointGenerator(self._keypoints), self._fit, self._model)
 
 
 def _boxes(exclude: Any) -> NDArray[np.float64]:

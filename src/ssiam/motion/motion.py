@@ -30,6 +30,8 @@ _SINGULAR: Final = 1e-9  # determinant of a transform without inverse
 class Motion:
     """Camera motion from the previous frame to this one.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     cur_from_prev : (3, 3) float64

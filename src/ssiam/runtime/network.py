@@ -54,6 +54,8 @@ class Network(Protocol):
 class Running:
     """How networks are run.
 
+    Threads: a value; any number of threads may share it.
+
     Parameters
     ----------
     runtime : {"openvino", "onnxruntime", "torch"}

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from ssiam.copying import SharedByCopies
 from ssiam.runtime.files import cache_folder, check_onnx, damaged, misshapen, not_quantised
 from ssiam.runtime.network import Precision, Tensor
 
@@ -27,7 +28,7 @@ _LOG = logging.getLogger(__name__)
 _WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
 
 
-class OpenVinoNetwork:
+class OpenVinoNetwork(SharedByCopies):
     """An ONNX file compiled for this CPU.
 
     Threads: may be called from any number at once; each call has an inference request to itself.
@@ -53,6 +54,8 @@ class OpenVinoNetwork:
     WeightsError
         The file is missing, is no ONNX file, is damaged, or is not in int8.
     """
+
+    _instead = "load it in each process"
 
     def __init__(
         self,

@@ -20,6 +20,8 @@ METHODS: tuple[Method, ...] = get_args(Method)
 class StabilizerConfig:
     """How frames are steadied; the defaults are the paper's numbers where it has them.
 
+    Threads: a value; any number of threads may share it.
+
     Parameters
     ----------
     stabilize : {"predict", "paper", "literal", "off"}

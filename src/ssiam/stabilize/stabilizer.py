@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError
 from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid, shortened
 from ssiam.motion import Motion
@@ -11,8 +12,10 @@ from ssiam.stabilize.config import StabilizerConfig
 from ssiam.stabilize.path import CameraPath
 
 
-class Stabilizer:
+class Stabilizer(CopiedWhole):
     """Turns camera motions into ``stab_from_raw``, one frame at a time, without delay.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------

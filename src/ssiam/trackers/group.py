@@ -7,6 +7,7 @@ from contextlib import suppress
 from numbers import Real
 from typing import Any
 
+from ssiam.copying import NotPickled
 from ssiam.errors import ArgumentError
 from ssiam.geometry import Image, check_box, check_frame, four_numbers, shortened
 from ssiam.motion import Motion, MotionAhead
@@ -15,11 +16,13 @@ from ssiam.trackers.steadied import SteadiedTracker
 from ssiam.trackers.track import Track
 
 
-class TrackerGroup:
+class TrackerGroup(NotPickled):
     """Follows any number of targets with trackers of one kind.
 
+    Threads: one thread at a time for the group and its trackers; several groups may run at once.
+
     The camera's motion is estimated once a frame, without the points on any of the targets; the
-    trackers share their networks.
+    trackers share their networks. Copies and pickles are those of its trackers.
 
     Parameters
     ----------
@@ -31,6 +34,8 @@ class TrackerGroup:
     motion : Motion or None
         The camera's motion to the last frame; None with ``stabilize="off"``.
     """
+
+    _instead = "make one in each process of a tracker loaded there"
 
     def __init__(self, tracker: SteadiedTracker) -> None:
         self._first = tracker.another()

@@ -14,6 +14,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Running, Tensor
@@ -54,6 +55,8 @@ MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
 class LiteNetworks:
     """The networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` (1, 3, 127, 127) float32 BGR in 0..255 -> kernel (1, 64, 96); `search`
     (1, 3, 255, 255) and the kernel -> logits of score and quality (1, 1, 32, 32), distances
     (1, 4, 32, 32) in px, and logits of the mask (1, 1, 64, 64).
@@ -83,8 +86,10 @@ class LiteNetworks:
         return cls(pieces["template"], pieces["search"])
 
 
-class LiteTracker:
+class LiteTracker(CopiedWhole):
     """The loop on any frame view.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------

@@ -74,9 +74,7 @@ def ellipse_box(mask: Mask, factor: float | None = None) -> Points | None:
     return _turned(cv2.invertAffineTransform(level_from_mask), corners)
 
 
-def _largest_contour(
-    mask: Mask, smallest_area: float = SMALLEST_AREA
-) -> NDArray[np.int32] | None:
+def _largest_contour(mask: Mask, smallest_area: float = SMALLEST_AREA) -> NDArray[np.int32] | None:
     """Outline (n, 1, 2) of the largest piece, None if it is too small."""
     contours = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
     areas = [cv2.contourArea(contour) for contour in contours]

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
@@ -50,8 +51,10 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
 }
 
 
-class NanoTrack:
+class NanoTrack(CopiedWhole):
     """NanoTrack's loop on any frame view.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Unlike in the authors' loop a box may be smaller than 10 pixels, if the first one was smaller
     than 20: half of that one, but no less.

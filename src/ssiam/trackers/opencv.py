@@ -7,7 +7,8 @@ from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
-from ssiam.errors import ArgumentError
+from ssiam.copying import CopiedWhole
+from ssiam.errors import ArgumentError, CopyError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.trackers.appearance import Appearance
@@ -36,7 +37,7 @@ _SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
 _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
 
 
-class OpenCvTracker:
+class OpenCvTracker(CopiedWhole):
     """One of OpenCV's trackers on the rendered view.
 
     They tell no score, only whether they still have the target, and MIL not even that: the score
@@ -54,6 +55,14 @@ class OpenCvTracker:
         self._name: OpenCvName = name
         self._tracker: Any = None
         self._xywh: XYWH = (0.0, 0.0, 0.0, 0.0)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> OpenCvTracker:
+        if self._tracker is not None:
+            raise CopyError(
+                f"a tracker {self._name} that has a target cannot be copied, as OpenCV cannot: "
+                "start another one where the target is"
+            )
+        return self.another()
 
     @property
     def doubt(self) -> float | None:

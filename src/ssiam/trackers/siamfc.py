@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -56,6 +57,8 @@ class SiamFcParameters:
 class SiamFcNetworks:
     """The two networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` takes (1, 3, 127, 127) float32 **RGB** in 0..255 and gives a kernel
     (1, 256, 6, 6); `search` takes three crops (3, 3, 255, 255) and the kernel, and gives
     responses (3, 1, 17, 17).
@@ -65,8 +68,10 @@ class SiamFcNetworks:
     search: Network
 
 
-class SiamFc:
+class SiamFc(CopiedWhole):
     """SiamFC's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Unlike the reference, a target stops shrinking below 2 pixels and growing beyond the frame:
     there it fails on an empty crop, or on one that fills the memory.

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -75,6 +76,8 @@ PARAMETERS: Final[dict[SiamMaskName, SiamMaskParameters]] = {
 class SiamMaskNetworks(SiamRpnNetworks):
     """The three networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` and `search` as `SiamRpnNetworks`; after the two maps `search` also gives the
     correlation (1, 256, 25, 25) and the backbone's x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and
     p2 (1, 512, 31, 31). `refine` takes windows of x0, p1 and p2 and the correlation of one cell,
@@ -84,8 +87,10 @@ class SiamMaskNetworks(SiamRpnNetworks):
     refine: Network
 
 
-class SiamMask:
+class SiamMask(CopiedWhole):
     """SiamMask's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------

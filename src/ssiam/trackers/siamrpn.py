@@ -11,6 +11,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -25,9 +26,9 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     followed,
     foreground,
-    floor_overlap,
     kept_inside,
     state_at,
 )
@@ -80,6 +81,8 @@ PARAMETERS: Final[dict[SiamRpnName, SiamRpnParameters]] = {
 @dataclass(frozen=True)
 class SiamRpnNetworks:
     """The two networks, which any number of trackers may share.
+
+    Threads: any number may share it.
 
     `template` takes (1, 3, 127, 127) float32 BGR in 0..255 and gives any list of arrays; `search`
     takes (1, 3, S, S) of the same kind and those arrays, and gives the raw maps (1, 10, n, n) of
@@ -154,8 +157,10 @@ class AnchorSearch:
         return state_at(xywh)
 
 
-class SiamRpn:
+class SiamRpn(CopiedWhole):
     """SiamRPN's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ssiam.copying import NotPickled
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
 from ssiam.motion import CameraMotion, Motion, MotionAhead
@@ -16,17 +17,24 @@ from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
 
-class SteadiedTracker:
+class SteadiedTracker(NotPickled):
     """A tracker that works on the steadied view of each frame and answers in raw pixels.
 
+    Threads: one thread at a time for each object; several, also of one load, may run at once. The
+    frame given as `following` is read in a thread of its own until it is given to `update`.
+
     Made by `load_tracker`. One object follows one target; `another` gives one for a second
-    target, which shares the networks and nothing else.
+    target, which shares the networks and nothing else. So does a copy (`copy.copy` or
+    `copy.deepcopy`), which has the target too; OpenCV's trackers are only copied without one. None
+    is pickled: load one in each process.
 
     Parameters
     ----------
     tracker : ViewTracker
     config : StabilizerConfig
     """
+
+    _instead = "load one in each process with ssiam.load_tracker"
 
     def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
         if not isinstance(config, StabilizerConfig):

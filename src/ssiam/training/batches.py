@@ -47,6 +47,8 @@ class Pair(NamedTuple):
 class Batch:
     """N pairs of crops with what is to be found in them.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     template : (N, 3, 127, 127) uint8 BGR

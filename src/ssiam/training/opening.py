@@ -38,6 +38,8 @@ LAYOUTS: Final = (*_READERS, "regions", "stamps", *KINDS)
 class SourceSettings:
     """One set of training data.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     layout : str

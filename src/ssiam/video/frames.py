@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
+from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image
 
@@ -17,6 +18,8 @@ Pictures: TypeAlias = Generator[Picture, None, None]
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One picture of a source.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------
@@ -33,8 +36,10 @@ class Frame:
     image: Image
 
 
-class Source:
+class Source(NotCopied):
     """Iterator of `Frame`; a context manager that lets go of the file, camera or connection.
+
+    Threads: one thread at a time.
 
     It is read once, from front to back, and holds no more than a few frames at a time. Made by
     `open_source`; opening decodes the first frame, so that what cannot be read fails there.

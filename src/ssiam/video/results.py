@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from ssiam.copying import NotCopied
 from ssiam.errors import SinkError
 from ssiam.trackers import Track
 from ssiam.video.layouts import LAYOUTS, Layout, Row
@@ -64,8 +65,10 @@ def _paths(path: Path, count: int) -> list[Path]:
     return [path.with_name(f"{path.stem}_{number}{path.suffix}") for number in range(1, count + 1)]
 
 
-class ResultSink:
+class ResultSink(NotCopied):
     """Writes tracks as lines; a context manager. Made by `open_results`.
+
+    Threads: one thread at a time.
 
     Every line is written whole and at once: a run that is interrupted leaves complete lines.
     """

@@ -17,6 +17,7 @@ from av.container import OutputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
 from ssiam.video.clock import Clock, as_rate
@@ -49,8 +50,10 @@ _ENCODER_THREADS = 2
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
 
-class VideoSink:
+class VideoSink(NotCopied):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
+
+    Threads: one thread at a time.
 
     The file is complete after `close`; after Ctrl-C or an exception it holds all frames that were
     written, and an mp4 plays up to the last second even if the program is killed.

@@ -9,6 +9,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Literal
 
+from ssiam.copying import NotCopied
 from ssiam.errors import SsiamError
 from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
@@ -26,8 +27,10 @@ from ssiam.web.targets import Targets
 _WAIT: Final = 0.02  # seconds for a frame, before commands are looked at again
 
 
-class Session:
+class Session(NotCopied):
     """Tracks on a thread of its own; everybody else asks and listens. A context manager.
+
+    Threads: its methods may be called from any; what they ask for is done in the one that tracks.
 
     Parameters
     ----------
