@@ -9,7 +9,6 @@ from ssiam import FrameView
 from ssiam.geometry import iou
 from ssiam.trackers.lite_mask import PastedMask, turned_box
 from ssiam.trackers.siamese import TargetState, floor_overlap, smallest_size
-from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 from synthetic import generator
 from trackers.stub_networks import MARKER, Stub, kernels, seeing_maps
@@ -94,22 +93,6 @@ def test_only_a_box_on_its_floor_overlaps_less():
     assert floor_overlap(state, np.array([5.0, 15.0])) == 0.5
     assert floor_overlap(state, np.array([12.0, 15.0])) == 1.0
     assert floor_overlap(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
-
-
-def test_siamfcs_floor_follows_the_first_box():
-    """Responses that are best at the smallest scale, in every frame."""
-    responses = np.zeros((3, 1, 17, 17), np.float32)
-    responses[0, 0, 8, 8] = 8
-    networks = SiamFcNetworks(Stub(lambda t, crop: [crop]), Stub(lambda t, *given: [responses]))
-    sides = {}
-    for first in (2.0, 20.0):
-        tracker = SiamFc(networks)
-        tracker.init(FrameView(marked(4)), (150, 100, first, first))
-        for _ in range(200):
-            track = tracker.track(FrameView(marked(4)))
-        sides[first] = track.box[2]
-    assert sides[2.0] == pytest.approx(1.0, abs=0.1)
-    assert sides[20.0] == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("side", "turned"), [((14, 6), True), ((48, 24), True)])

@@ -28,7 +28,7 @@ _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px of the search crop between cells of the response
 _UP: Final = 16  # finer cells in one cell of the response
 _FINE: Final = 17 * _UP  # side of the upsampled response
-_SMALLEST: Final = 2.0  # px, the target's shorter side; or half of the first box's
+_SMALLEST: Final = 2.0  # px, the target's shorter side
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,6 @@ class SiamFc(CopiedWhole):
         (kernel,) = self._networks.template(crop_tensor(crop))
         self._kernel, self._fill = kernel, fill
         self._place(xywh)
-        self._smallest = min(_SMALLEST, min(xywh[2:]) / 2)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view.
@@ -173,7 +172,7 @@ class SiamFc(CopiedWhole):
         rate = self._parameters.scale_lr
         scale = (1 - rate) + rate * factor
         size = self._size.astype(np.float64) * scale
-        too_small = scale < 1 and size.min() < self._smallest
+        too_small = scale < 1 and size.min() < _SMALLEST
         too_large = scale > 1 and (size > size_wh).any()
         if not too_small and not too_large:
             self._size = size.astype(np.float32)
