@@ -10,6 +10,7 @@ motion, steady the frame, run an unchanged tracker on the steadied view, map the
 
 from ssiam.errors import (
     ArgumentError,
+    CopyError,
     FrameSizeError,
     MissingExtraError,
     SinkError,
@@ -26,6 +27,7 @@ __all__ = [
     "TRACKERS",
     "ArgumentError",
     "CameraMotion",
+    "CopyError",
     "FrameSizeError",
     "FrameView",
     "MissingExtraError",

@@ -36,6 +36,10 @@ class FrameSizeError(SsiamError):
     """A frame whose size differs from the frames before it."""
 
 
+class CopyError(SsiamError, TypeError):
+    """An object that cannot be copied, or not be pickled."""
+
+
 class MissingExtraError(SsiamError):
     """A feature whose optional dependency is not installed."""
 

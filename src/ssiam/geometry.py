@@ -9,8 +9,9 @@ Boxes carry their layout in their name: ``xywh`` (left, top, width, height), ``c
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, TypeAlias
+from collections.abc import Mapping, Sequence, Set
+from contextlib import suppress
+from typing import Any, Final, TypeAlias
 
 import cv2
 import numpy as np
@@ -24,6 +25,7 @@ Image: TypeAlias = NDArray[np.uint8]
 XYWH: TypeAlias = tuple[float, float, float, float]
 
 _LARGEST_BOX = 2  # frame widths and heights
+_SHOWN: Final = 80  # characters of a value in a message
 
 IDENTITY: Transform = np.eye(3)
 IDENTITY.flags.writeable = False
@@ -157,9 +159,7 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     `size_wh` = (width, height) pixels, and is at most twice as wide and high as it: trackers
     need memory in proportion to the box.
     """
-    values = tuple(float(v) for v in xywh)
-    if len(values) != 4:
-        raise ArgumentError(f"box {values} has {len(values)} numbers, not x, y, width, height")
+    values = four_numbers(xywh)
     x, y, w, h = values
     if not np.isfinite(values).all():
         raise ArgumentError(f"box {values} holds a number that is not finite")
@@ -177,6 +177,41 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
             "give a box of about the target's size"
         )
     return x, y, w, h
+
+
+def four_numbers(xywh: Any, name: str = "box") -> XYWH:
+    """x, y, width, height as floats, or an `ArgumentError` that calls them `name`.
+
+    Refused are text, sets and mappings, which are sequences of something else or have no order,
+    and everything that is not four single numbers.
+    """
+    values: list[float] | None = None
+    if not isinstance(xywh, str | bytes | Set | Mapping):
+        with suppress(TypeError, ValueError, OverflowError):
+            values = [_number(value) for value in xywh]
+    if values is None:
+        raise ArgumentError(
+            f"{name} is {shortened(xywh)}: give four numbers, x, y, width, height in pixels"
+        )
+    if len(values) != 4:
+        raise ArgumentError(
+            f"{name} {shortened(xywh)} has {len(values)} numbers: "
+            "give x, y, width, height in pixels"
+        )
+    x, y, w, h = values
+    return x, y, w, h
+
+
+def finite_array(values: Any) -> NDArray[np.float64] | None:
+    """The numbers as a float64 array; None if they are ragged, text or not all finite."""
+    try:
+        plain = np.asarray(values)
+        if plain.dtype.kind not in "biuf":
+            return None
+        array = plain.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return array if np.isfinite(array).all() else None
 
 
 def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[int, int]:
@@ -197,3 +232,15 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
             f"{size_wh[0]}x{size_wh[1]}: one stream needs one size"
         )
     return width, height
+
+
+def shortened(value: Any) -> str:
+    """What a value looks like, in one line of at most 80 characters."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, str | bytes) or np.ndim(value) != 0:
+        raise TypeError
+    return float(value)

@@ -86,8 +86,27 @@ def test_after_a_refusal_two_frames_are_not_worked_on_at_once():
     camera.start(second)
     with pytest.raises(ValueError, match="announced"):
         camera.update(third)
+    camera.update(second)  # it still waits for that one
     camera.update(third)
     assert not slow.disturbed
+
+
+def test_a_refused_frame_leaves_the_motion_as_it_was():
+    """What was announced has been estimated: another frame's motion would begin there."""
+    first, second, third, *_ = shaken()
+    camera, alone = ahead(), CameraMotion()
+    for each in (camera, alone):
+        each.update(first)
+    camera.start(second)
+    with pytest.raises(ValueError, match="announced"):
+        camera.update(third)
+    with pytest.raises(ValueError, match="announced"):
+        camera.start(third)
+    with pytest.raises(ValueError, match="motion is"):
+        camera.update(second, motion=[[1, 2], [3]])
+    for frame in (second, third):
+        found, expected = camera.update(frame), alone.update(frame)
+        np.testing.assert_array_equal(found.cur_from_prev, expected.cur_from_prev)
 
 
 @pytest.mark.parametrize(

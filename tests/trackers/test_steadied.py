@@ -136,7 +136,7 @@ def test_opencv_trackers_follow_and_repeat(name, stabilize):
         tracker = ssiam.load_tracker(name, stabilize=stabilize)
         tracker.init(frames[0], BOX)
         runs.append([tracker.update(frame).box for frame in frames[1:]])
-    assert runs[0] == runs[1] or name == "mil"  # OpenCV seeds MIL's samples from the clock
+    assert runs[0] == runs[1]
     for pose, (x, y, w, h) in zip(frame_from_world[1:], runs[0], strict=True):
         true_x, true_y, true_w, true_h = map_box(pose @ start, BOX)
         shift = np.hypot(x + w / 2 - true_x - true_w / 2, y + h / 2 - true_y - true_h / 2)

@@ -75,6 +75,8 @@ class LazySequences(Mapping[str, Sequence]):
 class Dataset:
     """A dataset on disk.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     name : str

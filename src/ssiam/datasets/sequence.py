@@ -22,6 +22,8 @@ from ssiam.video.levels import LEVEL_FRAMES, Levels, in_eight_bits, levels_of
 class Sequence:
     """One sequence of a dataset, as its reader found it on disk.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     name : str

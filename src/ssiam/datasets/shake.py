@@ -24,6 +24,8 @@ _LEAST: Final = 16  # pixels, the smallest side that cropping may leave
 class Shake:
     """How a camera shakes.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     strength : float

@@ -21,6 +21,8 @@ from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
 class ShakenSequence(Sequence):
     """A sequence as a shaking camera sees it: `frames` are the raw ones, `images` the shaken.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     truth : (N, 4) or (N, 8) float64

@@ -28,6 +28,8 @@ _NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
 class Annotation:
     """One target in one frame; pixels of the raw frame, 0-based.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     frame : int
@@ -62,6 +64,8 @@ class Annotation:
 @dataclass(frozen=True)
 class Annotations:
     """All targets of one video.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------

@@ -11,6 +11,7 @@ from typing import Final
 import cv2
 import numpy as np
 
+from ssiam.copying import NotCopied
 from ssiam.errors import ArgumentError, SinkError
 from ssiam.exchange.rerun_stream import RerunStream
 from ssiam.geometry import Image
@@ -22,8 +23,10 @@ _BOXES: Final = "camera/targets"
 _OUTLINES: Final = "camera/outlines"
 
 
-class RerunLog:
+class RerunLog(NotCopied):
     """Writes an .rrd file, which ``rerun FILE.rrd`` shows; a context manager.
+
+    Threads: one thread at a time.
 
     The timelines are ``frame`` (from 0) and ``time`` (seconds). ``camera/image`` is the picture,
     ``camera/targets`` the boxes of the targets that are not lost, with names and, as class ids,

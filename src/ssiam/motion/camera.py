@@ -8,13 +8,14 @@ from typing import Any, Final, Literal, Protocol, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.geometry import Image, check_frame
+from ssiam.geometry import Image, check_frame, finite_array, shortened
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
-from ssiam.motion.keypoints import GeneratorName, keypoint_generator
+from ssiam.motion.keypoints import GeneratorName, KeypointGenerator
 from ssiam.motion.models import ModelName
-from ssiam.motion.motion import Motion
+from ssiam.motion.motion import Motion, known_motion
 from ssiam.motion.points import PointMotion
 
 KeypointName: TypeAlias = Literal["direct"] | GeneratorName
@@ -34,8 +35,10 @@ class _Estimator(Protocol):
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion: ...
 
 
-class CameraMotion:
+class CameraMotion(CopiedWhole):
     """Estimates the camera's motion from frame to frame, without delay.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Memory and time per frame do not grow with the stream.
 
@@ -99,25 +102,28 @@ class CameraMotion:
         FrameSizeError
             The frame's size differs from the one before.
         """
-        size_wh = self._size_wh = check_frame(frame, self._size_wh)
-        if self._estimator is None:
-            self._estimator = self._made(size_wh)
-        if motion is None:
-            return self._estimator.motion(frame, _boxes(exclude))
-        self._estimator.see(frame)
-        return motion if isinstance(motion, Motion) else Motion.given(motion, size_wh)
+        size_wh, boxes = check_frame(frame, self._size_wh), _boxes(exclude)
+        known = None if motion is None else known_motion(motion, size_wh)
+        estimator = self._estimator or self._made(size_wh)
+        if known is None:
+            known = estimator.motion(frame, boxes)
+        else:
+            estimator.see(frame)
+        self._size_wh, self._estimator = size_wh, estimator
+        return known
 
     def _made(self, size_wh: tuple[int, int]) -> _Estimator:
         if self._keypoints == "direct":
             return DirectMotion(size_wh, self._model)
-        generate = keypoint_generator(self._keypoints)
-        return PointMotion(size_wh, generate, self._fit, self._model)
+        return PointMotion(size_wh, KeypointGenerator(self._keypoints), self._fit, self._model)
 
 
 def _boxes(exclude: Any) -> NDArray[np.float64]:
     """Low xy, high xy (N, 4) of the boxes, grown a little."""
-    boxes = np.asarray([] if exclude is None else exclude, dtype=np.float64)
-    if boxes.size % 4 or boxes.ndim > 2 or not np.isfinite(boxes).all():
-        raise ArgumentError(f"exclude is {exclude}: give (x, y, w, h) in pixels, or several")
+    boxes = np.empty((0, 4)) if exclude is None else finite_array(exclude)
+    if boxes is None or (boxes.size and (boxes.ndim not in (1, 2) or boxes.shape[-1] != 4)):
+        raise ArgumentError(
+            f"exclude is {shortened(exclude)}: give (x, y, w, h) in pixels, or several"
+        )
     grown: NDArray[np.float64] = boxes.reshape(-1, 4) @ _GROWN
     return grown

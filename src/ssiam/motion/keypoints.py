@@ -13,7 +13,7 @@ from ssiam.geometry import Image
 
 GeneratorName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
 Keypoints: TypeAlias = NDArray[np.float32]
-KeypointGenerator: TypeAlias = Callable[[Image, Image | None], Keypoints]
+_Generate: TypeAlias = Callable[[Image, Image | None], Keypoints]
 
 _ORB_POINTS = 500
 _ORB_LEVELS = 2  # flow needs places, not scales: 2 octaves cost a fifth of 8 levels of 1.2
@@ -26,23 +26,30 @@ _BRISK_THRESHOLD = 40  # grey levels
 _CELLS_XY = (16, 12)  # at most one point in each cell of the frame
 
 
-def keypoint_generator(name: GeneratorName) -> KeypointGenerator:
+class KeypointGenerator:
     """Generator of keypoints by its name in Table 2 of the paper.
 
     Called with a grey frame (H, W) uint8 and a mask (H, W) uint8 or None (points only where it
-    is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first.
+    is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first. A copy
+    has a detector of its own, for those of OpenCV work in buffers that they keep.
+
+    Threads: one thread at a time.
+
+    Parameters
+    ----------
+    name : {"orb", "gftt", "harris", "brisk", "mser"}
     """
-    match name:
-        case "orb":
-            return _detector(_orb())
-        case "brisk":
-            return _detector(_brisk())
-        case "mser":
-            return _detector(cv2.MSER.create())
-        case "gftt":
-            return _corners(harris=False)
-        case "harris":
-            return _corners(harris=True)
+
+    def __init__(self, name: GeneratorName) -> None:
+        self._name: GeneratorName = name
+        self._generate = _generator(name)
+
+    def __call__(self, gray: Image, mask: Image | None) -> Keypoints:
+        """The points of a grey frame."""
+        return self._generate(gray, mask)
+
+    def __reduce__(self) -> tuple[type[KeypointGenerator], tuple[GeneratorName]]:
+        return KeypointGenerator, (self._name,)
 
 
 def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
@@ -58,6 +65,20 @@ def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
     strongest[(row * columns + column)[::-1]] = order
     spread_out: Keypoints = points[strongest[strongest >= 0]]
     return spread_out
+
+
+def _generator(name: GeneratorName) -> _Generate:
+    match name:
+        case "orb":
+            return _detector(_orb())
+        case "brisk":
+            return _detector(_brisk())
+        case "mser":
+            return _detector(cv2.MSER.create())
+        case "gftt":
+            return _corners(harris=False)
+        case "harris":
+            return _corners(harris=True)
 
 
 def _orb() -> Any:
@@ -79,7 +100,7 @@ def _brisk() -> Any:
     return brisk.create(_BRISK_THRESHOLD)
 
 
-def _detector(detector: Any) -> KeypointGenerator:
+def _detector(detector: Any) -> _Generate:
     def generate(gray: Image, mask: Image | None) -> Keypoints:
         found = detector.detect(gray, mask)
         response = np.array([point.response for point in found], dtype=np.float32)
@@ -90,7 +111,7 @@ def _detector(detector: Any) -> KeypointGenerator:
     return generate
 
 
-def _corners(*, harris: bool) -> KeypointGenerator:
+def _corners(*, harris: bool) -> _Generate:
     def generate(gray: Image, mask: Image | None) -> Keypoints:
         found = cv2.goodFeaturesToTrack(
             gray,

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from numbers import Real
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid_parameters
+from ssiam.geometry import (
+    IDENTITY,
+    Transform,
+    finite_array,
+    frame_centre,
+    rigid_parameters,
+    shortened,
+)
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; beyond it is a cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames
@@ -21,6 +29,8 @@ _SINGULAR: Final = 1e-9  # determinant of a transform without inverse
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Camera motion from the previous frame to this one.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------
@@ -62,14 +72,13 @@ class Motion:
         ValueError
             It is not of that shape, not finite, or cannot be inverted.
         """
-        matrix = np.asarray(cur_from_prev, dtype=np.float64)
-        if matrix.shape == (2, 3):
+        matrix = finite_array(cur_from_prev)
+        if matrix is not None and matrix.shape == (2, 3):
             matrix = np.vstack([matrix, IDENTITY[2]])
-        good = matrix.shape == (3, 3) and np.isfinite(matrix).all()
-        if not good or abs(np.linalg.det(matrix)) < _SINGULAR:
+        if matrix is None or matrix.shape != (3, 3) or abs(np.linalg.det(matrix)) < _SINGULAR:
             raise ArgumentError(
-                f"motion is {matrix.tolist()}: give a (3, 3) or (2, 3) transform of pixels that "
-                "can be inverted"
+                f"motion is {shortened(cur_from_prev)}: give a (3, 3) or (2, 3) transform of "
+                "pixels that can be inverted"
             )
         return cls(matrix / matrix[2, 2] if matrix[2, 2] else matrix, 1.0, True, size_wh)
 
@@ -99,15 +108,19 @@ class Motion:
         principal_xy : (float, float), optional
             Where the optical axis meets the picture, pixels; its centre unless given.
         """
-        rotation = np.asarray(cur_from_prev_rotation, dtype=np.float64)
-        if rotation.shape == (3,) and np.isfinite(rotation).all():
+        rotation = finite_array(cur_from_prev_rotation)
+        if rotation is not None and rotation.shape == (3,):
             rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
-        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, IDENTITY, atol=1e-3):
+        if (
+            rotation is None
+            or rotation.shape != (3, 3)
+            or not np.allclose(rotation @ rotation.T, IDENTITY, atol=1e-3)
+        ):
             raise ArgumentError(
-                f"rotation is {rotation.tolist()}: give a (3, 3) rotation matrix or a rotation "
-                "vector of three radians"
+                f"rotation is {shortened(cur_from_prev_rotation)}: give a (3, 3) rotation matrix "
+                "or a rotation vector of three radians"
             )
-        if not focal_length > 0:
+        if not isinstance(focal_length, Real) or not 0 < focal_length < math.inf:
             raise ArgumentError(f"focal_length is {focal_length}: give pixels, more than 0")
         x, y = frame_centre(size_wh) if principal_xy is None else principal_xy
         camera = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
@@ -117,6 +130,23 @@ class Motion:
     def shift_angle(self) -> tuple[float, float, float]:
         """(dx, dy, da) of eq. 4, taken at the image centre: pixels, pixels, radians."""
         return rigid_parameters(self.cur_from_prev, frame_centre(self.size_wh))
+
+
+def known_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:
+    """A motion that the caller gives for frames of (width, height) pixels, checked.
+
+    `Motion` objects are returned as they are; the rest is as `Motion.given`.
+    """
+    if not isinstance(motion, Motion):
+        return Motion.given(motion, size_wh)
+    if motion.size_wh != size_wh:
+        width, height = size_wh
+        raise ArgumentError(
+            f"motion is of frames of {shortened(motion.size_wh)} pixels: "
+            f"give one of {width}x{height} pixels, the frame's own size"
+        )
+    Motion.given(motion.cur_from_prev, size_wh)
+    return motion
 
 
 def plausible(motion: Motion) -> bool:

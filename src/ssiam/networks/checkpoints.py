@@ -40,7 +40,10 @@ _DAMAGED: Final[tuple[type[Exception], ...]] = (
 
 
 class Checkpoint(NamedTuple):
-    """A network and its name; it unpacks as (name, network)."""
+    """A network and its name; it unpacks as (name, network).
+
+    Threads: a value; any number of threads may share it.
+    """
 
     name: NetworkName
     network: SiameseNetwork

@@ -26,7 +26,10 @@ __all__ = [
 
 
 class TemplateGraph(nn.Module):
-    """Template crop (1, 3, 127, 127) -> the kernels of every head, named `kernel_names`."""
+    """Template crop (1, 3, 127, 127) -> the kernels of every head, named `kernel_names`.
+
+    Threads: inference may run in any number at once, training in one.
+    """
 
     input_names: tuple[str, ...] = ("template_crop",)
 
@@ -42,6 +45,8 @@ class TemplateGraph(nn.Module):
 
 class SearchGraph(nn.Module):
     """Search crop and kernels -> the network's responses, named `response_names`.
+
+    Threads: inference may run in any number at once, training in one.
 
     Parameters
     ----------
@@ -64,7 +69,10 @@ class SearchGraph(nn.Module):
 
 
 class MaskGraph(nn.Module):
-    """Correlation (1, 256, n, n) -> mask logits (1, 3969, n, n), 63 x 63 a cell; n may be 1."""
+    """Correlation (1, 256, n, n) -> mask logits (1, 3969, n, n), 63 x 63 a cell; n may be 1.
+
+    Threads: inference may run in any number at once, training in one.
+    """
 
     input_shapes = ((1, 256, 1, 1),)
 
@@ -82,6 +90,8 @@ class MaskGraph(nn.Module):
 
 class RefineGraph(nn.Module):
     """Windows of the search features about one cell -> mask logits (1, 16129), 127 x 127.
+
+    Threads: inference may run in any number at once, training in one.
 
     The windows are x0 (1, 64, 61, 61), p1 (1, 256, 31, 31), p2 (1, 512, 15, 15) and corr
     (1, 256, 1, 1); `ssiam.trackers.mask_windows` cuts them.

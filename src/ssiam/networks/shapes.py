@@ -18,7 +18,10 @@ Shape: TypeAlias = tuple[int, ...]
 
 
 class PieceShapes(NamedTuple):
-    """Shapes of one piece's inputs and outputs, in their order."""
+    """Shapes of one piece's inputs and outputs, in their order.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     inputs: list[Shape]
     outputs: list[Shape]

@@ -13,6 +13,8 @@ __all__ = ["SiameseNetwork"]
 class SiameseNetwork(nn.Module, ABC):
     """A network that compares search crops with a template.
 
+    Threads: inference may run in any number at once, training in one.
+
     Attributes
     ----------
     template_shape, search_shape : tuple of int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Final, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -28,7 +29,10 @@ PRECISIONS: Final[dict[RuntimeName, tuple[Precision, ...]]] = {
 
 
 class Network(Protocol):
-    """A compiled network with fixed input shapes."""
+    """A compiled network with fixed input shapes.
+
+    Threads: may be called from any number at once, as trackers of one load share it.
+    """
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
@@ -49,6 +53,8 @@ class Network(Protocol):
 @dataclass(frozen=True)
 class Running:
     """How networks are run.
+
+    Threads: a value; any number of threads may share it.
 
     Parameters
     ----------
@@ -75,8 +81,8 @@ class Running:
     def __post_init__(self) -> None:
         check_choice("runtime", self.runtime, get_args(RuntimeName))
         check_choice("precision", self.precision, get_args(Precision))
-        if self.threads < 1:
-            raise ArgumentError(f"threads is {self.threads}: it must be at least 1")
+        if not isinstance(self.threads, Integral) or self.threads < 1:
+            raise ArgumentError(f"threads is {self.threads!r}: it must be a whole number from 1 on")
         self._check_has("precision", self.precision, PRECISIONS[self.runtime])
         self._check_has("device", self.where, DEVICES[self.runtime])
         if self.precision == "f16" and self.where == "cpu":

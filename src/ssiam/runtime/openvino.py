@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections import deque
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from ssiam.copying import SharedByCopies
 from ssiam.runtime.files import cache_folder, check_onnx, damaged, misshapen, not_quantised
 from ssiam.runtime.network import Precision, Tensor
 
@@ -26,8 +28,10 @@ _LOG = logging.getLogger(__name__)
 _WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
 
 
-class OpenVinoNetwork:
+class OpenVinoNetwork(SharedByCopies):
     """An ONNX file compiled for this CPU.
+
+    Threads: may be called from any number at once; each call has an inference request to itself.
 
     Parameters
     ----------
@@ -50,6 +54,8 @@ class OpenVinoNetwork:
     WeightsError
         The file is missing, is no ONNX file, is damaged, or is not in int8.
     """
+
+    _instead = "load it in each process"
 
     def __init__(
         self,
@@ -81,7 +87,8 @@ class OpenVinoNetwork:
         }
         cached = cached and path.stat().st_size >= _WORTH_CACHING
         self._compiled = _compiled(model, settings, cached=cached)
-        self._request = self._compiled.create_infer_request()
+        # Requests that no call is using: as many as there have been calls at once.
+        self._idle = deque([self._compiled.create_infer_request()])
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
@@ -100,8 +107,18 @@ class OpenVinoNetwork:
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
         """Outputs for float32 inputs, copied."""
-        results = self._request.infer(list(inputs), share_inputs=True)
-        return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
+        request = self._free_request()
+        try:
+            results = request.infer(list(inputs), share_inputs=True, share_outputs=True)
+            return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
+        finally:
+            self._idle.append(request)
+
+    def _free_request(self) -> ov.InferRequest:
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return self._compiled.create_infer_request()
 
 
 def computes_in_bf16() -> bool:

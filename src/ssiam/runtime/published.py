@@ -12,6 +12,8 @@ __all__ = ["PUBLISHED", "Publication"]
 class Publication:
     """One file of weights, as its authors publish it.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     network : str

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from numbers import Integral, Real
+from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, check_choice
+from ssiam.geometry import shortened
 from ssiam.motion import KEYPOINTS, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal", "predict"]
+_NOT_NEGATIVE: Final = ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha", "margin")
+_SHARES: Final = ("memory", "smoothing")
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True)
 class StabilizerConfig:
     """How frames are steadied; the defaults are the paper's numbers where it has them.
+
+    Threads: a value; any number of threads may share it.
 
     Parameters
     ----------
@@ -90,11 +96,22 @@ class StabilizerConfig:
             object.__setattr__(self, "keypoints", own)
         check_choice("keypoints", self.keypoints, KEYPOINTS)
         check_choice("fit", self.fit, get_args(FitName))
+        for name in ("window", "border"):
+            self._check(name, Integral, "a whole number")
+        for name in (*_NOT_NEGATIVE, *_SHARES):
+            self._check(name, Real, "a number")
+        for name in ("choose", "speed", "turn", "trust", "find"):
+            self._check(name, bool, "True or False")
         if self.window < 1:
             raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
-        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha", "margin"):
+        for name in _NOT_NEGATIVE:
             if not getattr(self, name) >= 0:
                 raise ArgumentError(f"{name} is {getattr(self, name)}: it must not be negative")
-        for name in ("memory", "smoothing"):
+        for name in _SHARES:
             if not 0 <= getattr(self, name) < 1:
                 raise ArgumentError(f"{name} is {getattr(self, name)}: it must be in 0..1, below 1")
+
+    def _check(self, name: str, kind: type, wanted: str) -> None:
+        value = getattr(self, name)
+        if not isinstance(value, kind):
+            raise ArgumentError(f"{name} is {shortened(value)}: it must be {wanted}")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import frame_centre
 from ssiam.motion import Motion
 
 
-class CameraPath:
+class CameraPath(CopiedWhole):
     """The poses of the last `window` frames, the current one included.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     The paper sums (dx, dy, da) for ever and averages the sums. Here every pose is kept relative to
     the current frame, by composing whole transforms: a turning camera does not bend the path, a

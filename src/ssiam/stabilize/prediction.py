@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import IDENTITY, XYWH, Transform, map_point, rigid
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
@@ -45,8 +46,10 @@ class Hypothesis(IntEnum):
 _TURNING: Final = (Hypothesis.FIXED, Hypothesis.MOVING_IN_SCENE)
 
 
-class Prediction:
+class Prediction(CopiedWhole):
     """Chooses ``stab_from_raw`` by where the target will be, one frame at a time.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 
-from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid
+from ssiam.copying import CopiedWhole
+from ssiam.errors import ArgumentError
+from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid, shortened
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
 from ssiam.stabilize.path import CameraPath
 
 
-class Stabilizer:
+class Stabilizer(CopiedWhole):
     """Turns camera motions into ``stab_from_raw``, one frame at a time, without delay.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
@@ -19,6 +23,8 @@ class Stabilizer:
     """
 
     def __init__(self, config: StabilizerConfig) -> None:
+        if not isinstance(config, StabilizerConfig):
+            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
         self._config = config
         self._path = CameraPath(config.window)
         self._shift = (0.0, 0.0)  # dx', dy' of the previous frame
@@ -30,7 +36,14 @@ class Stabilizer:
         The frame's border is not part of it. Where the motion is not reliable, the view of the
         frame before is held and the path waits: a wrong motion would throw the target out of
         the search region.
+
+        Raises
+        ------
+        ValueError
+            It is no `Motion`.
         """
+        if not isinstance(motion, Motion):
+            raise ArgumentError(f"motion is {shortened(motion)}: give a Motion")
         if self._config.stabilize == "off" or not motion.reliable:
             return self._stab_from_raw
         self._path.advance(motion)

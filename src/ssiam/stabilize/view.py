@@ -22,6 +22,8 @@ Colour = NDArray[np.float64]
 class FrameView:
     """A steadied frame that is only computed where it is looked at.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     raw : (H, W, 3) uint8 BGR

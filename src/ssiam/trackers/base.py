@@ -13,6 +13,8 @@ from ssiam.trackers.track import Track
 class ViewTracker(Protocol):
     """A tracker that looks at frames through a `FrameView` and never asks how it was steadied.
 
+    Threads: one thread at a time for each object; those that `another` gives may run at once.
+
     Boxes go in and come out in the view's steadied coordinates.
     """
 

@@ -14,6 +14,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Running, Tensor
@@ -29,7 +30,9 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     moved,
+    smallest_size,
     state_at,
 )
 from ssiam.trackers.track import Track
@@ -51,6 +54,8 @@ MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
 @dataclass(frozen=True)
 class LiteNetworks:
     """The networks, which any number of trackers may share.
+
+    Threads: any number may share it.
 
     `template` (1, 3, 127, 127) float32 BGR in 0..255 -> kernel (1, 64, 96); `search`
     (1, 3, 255, 255) and the kernel -> logits of score and quality (1, 1, 32, 32), distances
@@ -81,8 +86,10 @@ class LiteNetworks:
         return cls(pieces["template"], pieces["search"])
 
 
-class LiteTracker:
+class LiteTracker(CopiedWhole):
     """The loop on any frame view.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
@@ -119,12 +126,12 @@ class LiteTracker:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        self._state = state_at(xywh)
+        state, fill = state_at(xywh), view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        (kernel,) = self._networks.template(crop_tensor(crop))
+        self._state, self._fill, self._kernel = state, fill, kernel
+        self._floor_wh = smallest_size(state.size_wh)
         self._rivals = Rivals()
-        self._fill: Floats = view.raw.mean(axis=(0, 1))
-        side = round(self._state.context_side)
-        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
-        (self._kernel,) = self._networks.template(crop_tensor(crop))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners if they are wanted."""
@@ -145,10 +152,11 @@ class LiteTracker:
         )
         self._rivals.follow(best)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(last, boxes[:, best], zoom, rate, view)
+        self._state = moved(last, boxes[:, best], zoom, rate, view, self._floor_wh)
         logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
         evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
         probability = self._confidence.probability(evidence)
+        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
         found = Track(self._state.xywh, probability, evidence=evidence)
         return self._masked(found, mask_logits, view, last, side) if self._masks else found
 

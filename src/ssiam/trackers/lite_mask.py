@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import XYWH, Points, corners_from_xywh, iou, xywh_from_corners
 from ssiam.runtime import Tensor
-from ssiam.trackers.mask_boxes import rectangle_box
+from ssiam.trackers.mask_boxes import SMALLEST_AREA, rectangle_box
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -20,6 +20,7 @@ _SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 4  # px of the crop in a cell of the mask
 _HALF: Final = 127  # of 255, a probability of one half
 _REACH: Final = 1.2  # times the box's width and height
+_FILLED: Final = 0.25  # of a small box that its mask must cover more than
 _AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 
@@ -100,7 +101,8 @@ def pasted(
 def turned_box(mask: PastedMask, xywh: XYWH) -> Points:
     """Corners (4, 2) of the mask's rotated box, if it agrees with the upright one; else of that."""
     upright = corners_from_xywh(xywh)
-    found = rectangle_box(mask.part)
+    _, _, w, h = xywh
+    found = rectangle_box(mask.part, min(SMALLEST_AREA, _FILLED * w * h))
     if found is None:
         return upright
     turned = found + mask.corner_xy

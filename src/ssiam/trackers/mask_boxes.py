@@ -18,23 +18,25 @@ Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Sides = tuple[float, float, float, float]  # left, top, right, bottom
 
-_SMALLEST_AREA: Final = 100  # px^2; a contour with less is noise
+SMALLEST_AREA: Final = 100.0  # px^2; a contour with less is noise
 _STEP: Final = 0.02  # of the box's width or height, by which a side moves inwards
 
 
-def rectangle_box(mask: Mask) -> Points | None:
+def rectangle_box(mask: Mask, smallest_area: float = SMALLEST_AREA) -> Points | None:
     """Smallest rotated rectangle around the mask's largest piece.
 
     Parameters
     ----------
     mask : (H, W) bool
+    smallest_area : float
+        Pixels that a piece has to cover more than; the references' 100 unless given.
 
     Returns
     -------
     (4, 2) float64 or None
-        Corners in the mask's pixels; None if no piece covers more than 100 pixels.
+        Corners in the mask's pixels; None if no piece covers more than that.
     """
-    contour = _largest_contour(mask)
+    contour = _largest_contour(mask, smallest_area)
     return None if contour is None else _rectangle(contour)
 
 
@@ -72,11 +74,11 @@ def ellipse_box(mask: Mask, factor: float | None = None) -> Points | None:
     return _turned(cv2.invertAffineTransform(level_from_mask), corners)
 
 
-def _largest_contour(mask: Mask) -> NDArray[np.int32] | None:
+def _largest_contour(mask: Mask, smallest_area: float = SMALLEST_AREA) -> NDArray[np.int32] | None:
     """Outline (n, 1, 2) of the largest piece, None if it is too small."""
     contours = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
     areas = [cv2.contourArea(contour) for contour in contours]
-    if not areas or max(areas) <= _SMALLEST_AREA:
+    if not areas or max(areas) <= smallest_area:
         return None
     return np.asarray(contours[int(np.argmax(areas))], dtype=np.int32)
 

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
@@ -23,8 +24,10 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     foreground,
     moved,
+    smallest_size,
     state_at,
 )
 from ssiam.trackers.track import Track
@@ -48,8 +51,13 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
 }
 
 
-class NanoTrack:
+class NanoTrack(CopiedWhole):
     """NanoTrack's loop on any frame view.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
+
+    Unlike in the authors' loop a box may be smaller than 10 pixels, if the first one was smaller
+    than 20: half of that one, but no less.
 
     Parameters
     ----------
@@ -75,14 +83,14 @@ class NanoTrack:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        self._state = TargetState.from_xywh(xywh)
-        self._fill: Floats = view.raw.mean(axis=(0, 1))
-        side = round(self._state.context_side)
-        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
-        (self._template,) = self._networks.template(crop_tensor(crop))
-        size = np.array(self._state.size_wh) * EXEMPLAR / self._state.context_side
+        state, fill = TargetState.from_xywh(xywh), view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        (template,) = self._networks.template(crop_tensor(crop))
+        size = np.array(state.size_wh) * EXEMPLAR / state.context_side
+        self._first_look = look(template, _STRIDE, np.array([0, 0, *size]))
+        self._state, self._fill, self._template = state, fill, template
         self._usual = Usual()
-        self._first_look = look(self._template, _STRIDE, np.array([0, 0, *size]))
+        self._floor_wh = smallest_size(state.size_wh)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
@@ -95,7 +103,7 @@ class NanoTrack:
         size = np.array(self._state.size_wh) * zoom
         best, penalty = choose(boxes, score, size, self._window, self._parameters)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(self._state, boxes[:, best], zoom, rate, view)
+        self._state = moved(self._state, boxes[:, best], zoom, rate, view, self._floor_wh)
         background, target = score_maps[0].reshape(2, -1)[:, best]
         likeness = float(self._first_look @ look(features, _STRIDE, boxes[:, best]))
         logit = float(np.clip(target - background, *_LOGITS))
@@ -103,6 +111,7 @@ class NanoTrack:
         shortfall = self._usual.shortfall(likeness, sure=logit > _KNOWN)
         evidence = logit, doubt * shortfall
         probability = self._confidence.probability(evidence)
+        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
         return Track(self._state.xywh, score=probability, evidence=evidence)
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:

@@ -24,6 +24,8 @@ _HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the sa
 class NanoTrackNetworks:
     """The three compiled networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` (1, 3, 127, 127) and `search` (1, 3, 255, 255) are one backbone; `head` takes the
     features of both and gives scores (1, 2, n, n) and distances (1, 4, n, n).
     """

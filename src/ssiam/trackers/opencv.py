@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
-from ssiam.errors import ArgumentError, TrackingError, one_line
+from ssiam.copying import CopiedWhole
+from ssiam.errors import ArgumentError, CopyError, TrackingError, one_line
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.trackers.appearance import Appearance
 from ssiam.trackers.base import pixel_box
 from ssiam.trackers.confidence import Confidence
+from ssiam.trackers.mil import RepeatableMil
 from ssiam.trackers.track import Track
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
@@ -19,7 +22,7 @@ OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
 _CREATE: dict[OpenCvName, Any] = {
     "csrt": cv2.TrackerCSRT.create,
     "kcf": cv2.TrackerKCF.create,
-    "mil": cv2.TrackerMIL.create,
+    "mil": RepeatableMil,
 }
 _CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of likeness to the first and recent look
     "csrt": Confidence((7.2, 3.9), -6.2),
@@ -32,19 +35,16 @@ _REACH: Final = 0.7  # target sizes around the place where it is looked for
 # Longer sides of the last box, on each of its sides, that are drawn: all that they look at.
 _SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
 _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
-# MIL draws its random features until enough of them have an area of 9 px: in a smaller box, or a
-# thinner one, it never ends.
-_SMALLEST_OF_MIL: Final = 25  # px, area
-_THINNEST_OF_MIL: Final = 2  # px
 
 
-class OpenCvTracker:
+class OpenCvTracker(CopiedWhole):
     """One of OpenCV's trackers on the rendered view.
 
     They tell no score, only whether they still have the target, and MIL not even that: the score
-    is that of the box's `Appearance`. When they have not, the last box is kept. CSRT and KCF
-    repeat their results; OpenCV seeds MIL's samples from the clock, so its runs differ by a pixel
-    or so.
+    is that of the box's `Appearance`. When they have not, the last box is kept.
+    All repeat their results; of MIL, `RepeatableMil` says how.
+
+    Threads: one thread at a time for each object; MIL trackers wait for each other.
 
     Parameters
     ----------
@@ -55,6 +55,14 @@ class OpenCvTracker:
         self._name: OpenCvName = name
         self._tracker: Any = None
         self._xywh: XYWH = (0.0, 0.0, 0.0, 0.0)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> OpenCvTracker:
+        if self._tracker is not None:
+            raise CopyError(
+                f"a tracker {self._name} that has a target cannot be copied, as OpenCV cannot: "
+                "start another one where the target is"
+            )
+        return self.another()
 
     @property
     def doubt(self) -> float | None:
@@ -67,8 +75,8 @@ class OpenCvTracker:
         Raises
         ------
         ArgumentError
-            OpenCV cannot start on this box: it is too thin or too small. What was followed
-            before is kept.
+            OpenCV cannot start on this box: it is too thin, too small or too large. What was
+            followed before is kept.
         """
         appearance = Appearance(view, xywh)
         self._start(view, xywh)
@@ -101,10 +109,8 @@ class OpenCvTracker:
         """The place most like the target around `xywh`; followed from there if it is it."""
         track = self._judged(view, self._appearance.find(view, xywh, _REACH))
         if track.score > _TAKEN and _inside(track.box, view):
-            try:
+            with suppress(ArgumentError):
                 self._start(view, track.box)
-            except ArgumentError:
-                return Track(track.box, score=0.0, evidence=track.evidence)
         return track
 
     def another(self) -> OpenCvTracker:
@@ -123,23 +129,15 @@ class OpenCvTracker:
         box = pixel_box(
             (x + view.border, y + view.border, w, h), (picture.shape[1], picture.shape[0])
         )
-        _, _, wide, high = box
-        if self._name == "mil" and (
-            min(wide, high) < _THINNEST_OF_MIL or wide * high < _SMALLEST_OF_MIL
-        ):
-            raise ArgumentError(
-                f"mil cannot follow a box of {wide}x{high} pixels: it needs "
-                f"{_SMALLEST_OF_MIL} pixels, and {_THINNEST_OF_MIL} each way; draw it larger"
-            )
         tracker = _CREATE[self._name]()
         try:
             tracker.init(picture, box)
         except cv2.error as error:
             height, width = picture.shape[:2]
             raise ArgumentError(
-                f"{self._name} cannot follow a box of {wide}x{high} pixels in frames of "
-                f"{width}x{height}: it is too thin or too large for it; draw another box, or take "
-                "another tracker"
+                f"{self._name} cannot follow a box of {box[2]}x{box[3]} pixels in frames of "
+                f"{width}x{height}: it is too thin, too small or too large for it; draw another "
+                "box, or take another tracker"
             ) from error
         self._tracker, self._xywh = tracker, xywh
 

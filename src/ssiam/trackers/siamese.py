@@ -7,6 +7,7 @@ pixel of asymmetry between the box that comes in and the one that goes out.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,10 @@ from ssiam.stabilize import FrameView
 
 CONTEXT = 0.5  # of width + height, added around the target
 EXEMPLAR = 127  # px, side of the template crop
-MIN_SIDE = 10.0  # px, the smallest target
+MIN_SIDE: Final = 10.0  # px, the smallest side that the reference loops give a target
+REFERENCE_FLOOR: Final = (MIN_SIDE, MIN_SIDE)
+_FLOOR_SHARE: Final = 0.5  # of a first box's side that is smaller than twice MIN_SIDE
+_LEAST_SIDE: Final = 1.0  # px
 
 Floats = NDArray[np.float64]
 
@@ -91,11 +95,42 @@ def choose(
     return best, float(penalty[best])
 
 
+def smallest_size(size_wh: tuple[float, float]) -> tuple[float, float]:
+    """Smallest width and height (px) that a target is given whose first box had `size_wh`.
+
+    That of the references, but half of the first box for targets that are small themselves.
+    """
+    w, h = (min(MIN_SIDE, max(_FLOOR_SHARE * side, _LEAST_SIDE)) for side in size_wh)
+    return w, h
+
+
 def moved(
-    state: TargetState, box: Floats, zoom: float, rate: float, view: FrameView
+    state: TargetState,
+    box: Floats,
+    zoom: float,
+    rate: float,
+    view: FrameView,
+    floor_wh: tuple[float, float] = REFERENCE_FLOOR,
 ) -> TargetState:
     """State after the chosen candidate, as `followed`, kept in reach of the frame."""
-    return kept_inside(followed(state, box, zoom, rate), view)
+    return kept_inside(followed(state, box, zoom, rate), view, floor_wh)
+
+
+def floor_overlap(
+    state: TargetState,
+    seen_wh: Floats,
+    floor_wh: tuple[float, float] = REFERENCE_FLOOR,
+) -> float:
+    """Overlap (IoU) that a box which may not be smaller can have with the candidate; else 1.
+
+    `seen_wh` (2,) is the candidate's size in the state's pixels. A score times this overlap is
+    at least 0.5 only where the box can be right.
+    """
+    overlap = 1.0
+    for side, seen, floor in zip(state.size_wh, seen_wh.tolist(), floor_wh, strict=True):
+        if side <= floor:
+            overlap *= min(seen / side, 1.0)
+    return overlap
 
 
 def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
@@ -112,14 +147,12 @@ def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> Targe
     )
 
 
-def kept_inside(state: TargetState, view: FrameView) -> TargetState:
+def kept_inside(
+    state: TargetState, view: FrameView, floor_wh: tuple[float, float] = REFERENCE_FLOOR
+) -> TargetState:
     """The state with its centre inside of the frame, and no smaller or larger than may be."""
-    width, height = view.size_wh
-    w, h = state.size_wh
-    return TargetState(
-        _inside(view, state.centre_xy),
-        (float(np.clip(w, MIN_SIDE, width)), float(np.clip(h, MIN_SIDE, height))),
-    )
+    w, h = np.clip(state.size_wh, floor_wh, view.size_wh).tolist()
+    return TargetState(_inside(view, state.centre_xy), (w, h))
 
 
 def crop_tensor(crop: Image) -> Tensor:

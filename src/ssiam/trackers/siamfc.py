@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -56,6 +57,8 @@ class SiamFcParameters:
 class SiamFcNetworks:
     """The two networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` takes (1, 3, 127, 127) float32 **RGB** in 0..255 and gives a kernel
     (1, 256, 6, 6); `search` takes three crops (3, 3, 255, 255) and the kernel, and gives
     responses (3, 1, 17, 17).
@@ -65,8 +68,10 @@ class SiamFcNetworks:
     search: Network
 
 
-class SiamFc:
+class SiamFc(CopiedWhole):
     """SiamFC's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Unlike the reference, a target stops shrinking below 2 pixels and growing beyond the frame:
     there it fails on an empty crop, or on one that fills the memory.
@@ -93,10 +98,12 @@ class SiamFc:
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; the frame's mean colour fills what is outside."""
-        side = self._place(xywh)
-        self._fill: Floats = view.raw.mean(axis=(0, 1))[::-1]
-        crop = siamfc_crop(view, self._centre, side, EXEMPLAR, self._fill)
-        (self._kernel,) = self._networks.template(crop_tensor(crop))
+        centre, size = _centre_and_size(xywh)
+        fill: Floats = view.raw.mean(axis=(0, 1))[::-1]
+        crop = siamfc_crop(view, centre, float(_template_side(size)), EXEMPLAR, fill)
+        (kernel,) = self._networks.template(crop_tensor(crop))
+        self._kernel, self._fill = kernel, fill
+        self._place(xywh)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view.
@@ -126,15 +133,11 @@ class SiamFc:
         cx, cy, w, h = (float(v) for v in (*self._centre, *self._size))
         return cx - (w - 1) / 2, cy - (h - 1) / 2, w, h
 
-    def _place(self, xywh: XYWH) -> float:
-        """Set place and size to those of `xywh`; the side of its template, unrounded pixels."""
-        x, y, w, h = xywh
-        self._centre: Singles = np.array([x + (w - 1) / 2, y + (h - 1) / 2], np.float32)
-        self._size: Singles = np.array([w, h], np.float32)
-        padded = self._size + np.float32(CONTEXT) * self._size.sum()
-        side = np.sqrt(np.prod(padded))
+    def _place(self, xywh: XYWH) -> None:
+        """Set position and size to those of `xywh`."""
+        self._centre, self._size = _centre_and_size(xywh)
+        side = _template_side(self._size)
         self._search_side = float(side * np.float32(_SEARCH) / np.float32(EXEMPLAR))
-        return float(side)
 
     def _responses(self, view: FrameView) -> Tensor:
         """Responses (3, 272, 272) around the last place, at the three scales."""
@@ -174,3 +177,15 @@ class SiamFc:
         if not too_small and not too_large:
             self._size = size.astype(np.float32)
             self._search_side *= scale
+
+
+def _centre_and_size(xywh: XYWH) -> tuple[Singles, Singles]:
+    x, y, w, h = xywh
+    centre = np.array([x + (w - 1) / 2, y + (h - 1) / 2], np.float32)
+    return centre, np.array([w, h], np.float32)
+
+
+def _template_side(size: Singles) -> np.float32:
+    """Side of the template crop of a target of (width, height), unrounded pixels."""
+    padded = size + np.float32(CONTEXT) * size.sum()
+    return np.float32(np.sqrt(np.prod(padded)))

@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.trackers.mask_boxes import Mask, ellipse_box, rectangle_box
 from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
-from ssiam.trackers.siamese import TargetState, kept_inside, state_at
+from ssiam.trackers.siamese import TargetState, floor_overlap, kept_inside, state_at
 from ssiam.trackers.siamrpn import (
     AnchorSearch,
     Found,
@@ -75,6 +76,8 @@ PARAMETERS: Final[dict[SiamMaskName, SiamMaskParameters]] = {
 class SiamMaskNetworks(SiamRpnNetworks):
     """The three networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` and `search` as `SiamRpnNetworks`; after the two maps `search` also gives the
     correlation (1, 256, 25, 25) and the backbone's x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and
     p2 (1, 512, 31, 31). `refine` takes windows of x0, p1 and p2 and the correlation of one cell,
@@ -84,8 +87,10 @@ class SiamMaskNetworks(SiamRpnNetworks):
     refine: Network
 
 
-class SiamMask:
+class SiamMask(CopiedWhole):
     """SiamMask's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
@@ -105,7 +110,7 @@ class SiamMask:
         self._state = self._search.start(view, xywh)
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners; the score is the candidate's."""
+        """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""
         last = self._state
         found = self._search.find(view, last)
         self._state = kept_inside(found.state, view)
@@ -116,7 +121,7 @@ class SiamMask:
         width, height = view.size_wh
         return Track(
             self._state.xywh,
-            score=found.score,
+            score=found.score * floor_overlap(self._state, found.size_wh),
             corners=self._corners(mask, margin, found.state),
             mask=mask[margin : margin + height, margin : margin + width],
         )

@@ -11,6 +11,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -25,6 +26,7 @@ from ssiam.trackers.siamese import (
     choose,
     cosine_window,
     crop_tensor,
+    floor_overlap,
     followed,
     foreground,
     kept_inside,
@@ -80,6 +82,8 @@ PARAMETERS: Final[dict[SiamRpnName, SiamRpnParameters]] = {
 class SiamRpnNetworks:
     """The two networks, which any number of trackers may share.
 
+    Threads: any number may share it.
+
     `template` takes (1, 3, 127, 127) float32 BGR in 0..255 and gives any list of arrays; `search`
     takes (1, 3, S, S) of the same kind and those arrays, and gives the raw maps (1, 10, n, n) of
     scores, background first, and (1, 20, n, n) of distances; what follows them is passed on.
@@ -93,12 +97,14 @@ class SiamRpnNetworks:
 class Found:
     """The best candidate in one search region.
 
-    `state` is where the target is now, not yet kept inside of the frame; `cell` the row and
+    `state` is where the target is now, not yet kept inside of the frame; `size_wh` (2,) the
+    candidate's own size in steadied pixels; `cell` the row and
     column of the response map; `crop_side` the side of the region in steadied pixels; `more` the
     network's outputs after the first two.
     """
 
     state: TargetState
+    size_wh: Floats
     score: float
     cell: tuple[int, int]
     crop_side: int
@@ -124,9 +130,9 @@ class AnchorSearch:
     def start(self, view: FrameView, xywh: XYWH) -> TargetState:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state = self._state(xywh)
-        self._fill: Colour = view.raw.mean(axis=(0, 1))
-        crop = self._crop(view, state.centre_xy, round(state.context_side), EXEMPLAR, self._fill)
-        self._kernels = self._networks.template(crop_tensor(crop))
+        fill: Colour = view.raw.mean(axis=(0, 1))
+        crop = self._crop(view, state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        self._kernels, self._fill = self._networks.template(crop_tensor(crop)), fill
         return state
 
     def find(self, view: FrameView, state: TargetState) -> Found:
@@ -142,7 +148,8 @@ class AnchorSearch:
         best, penalty = choose(boxes, score, size, self._window, parameters)
         rate = penalty * score[best] * parameters.lr
         after = followed(state, boxes[:, best], zoom, rate)
-        return Found(after, float(score[best]), cell_of(best, parameters.side), side, more)
+        seen = boxes[2:, best] / zoom
+        return Found(after, seen, float(score[best]), cell_of(best, parameters.side), side, more)
 
     def _state(self, xywh: XYWH) -> TargetState:
         if self._parameters.variant == "pysot":
@@ -150,8 +157,10 @@ class AnchorSearch:
         return state_at(xywh)
 
 
-class SiamRpn:
+class SiamRpn(CopiedWhole):
     """SiamRPN's loop.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
@@ -171,10 +180,15 @@ class SiamRpn:
         self._state = self._search.start(view, xywh)
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view; its score is the chosen candidate's softmax."""
+        """The target in the next view; its score is the chosen candidate's softmax.
+
+        Where the box is larger than the candidate, as it is never below 10 pixels, the score is
+        less: times the overlap that the box can have.
+        """
         found = self._search.find(view, self._state)
         self._state = kept_inside(found.state, view)
-        return Track(self._state.xywh, score=found.score)
+        score = found.score * floor_overlap(self._state, found.size_wh)
+        return Track(self._state.xywh, score=score)
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, looked for around `xywh`."""

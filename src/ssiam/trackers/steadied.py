@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ssiam.copying import NotPickled
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, Image, check_box, check_frame
+from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
 from ssiam.motion import CameraMotion, Motion, MotionAhead
+from ssiam.motion.motion import known_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.pursuit import Pursuit
@@ -15,11 +17,16 @@ from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
 
-class SteadiedTracker:
+class SteadiedTracker(NotPickled):
     """A tracker that works on the steadied view of each frame and answers in raw pixels.
 
+    Threads: one thread at a time for each object; several, also of one load, may run at once. The
+    frame given as `following` is read in a thread of its own until it is given to `update`.
+
     Made by `load_tracker`. One object follows one target; `another` gives one for a second
-    target, which shares the networks and nothing else.
+    target, which shares the networks and nothing else. So does a copy (`copy.copy` or
+    `copy.deepcopy`), which has the target too; OpenCV's trackers are only copied without one. None
+    is pickled: load one in each process.
 
     Parameters
     ----------
@@ -27,7 +34,11 @@ class SteadiedTracker:
     config : StabilizerConfig
     """
 
+    _instead = "load one in each process with ssiam.load_tracker"
+
     def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
+        if not isinstance(config, StabilizerConfig):
+            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
         self._tracker = tracker
         self._config = config
         self._box: XYWH | None = None
@@ -37,12 +48,14 @@ class SteadiedTracker:
         """How this tracker steadies its frames."""
         return self._config
 
+    @property
+    def has_target(self) -> bool:
+        """Whether `init` has given it a target."""
+        return self._box is not None
+
     def camera(self) -> MotionAhead | None:
         """A fresh motion estimator of this tracker's settings, None with stabilize="off"."""
-        config = self._config
-        if config.stabilize == "off":
-            return None
-        return MotionAhead(CameraMotion(config.keypoints, config.fit, model="rigid"))
+        return _camera(self._config)
 
     def another(self) -> SteadiedTracker:
         """A tracker of the same kind and settings, without a target, on the same networks."""
@@ -62,11 +75,13 @@ class SteadiedTracker:
         ValueError
             The frame is not an image, or the box is empty, not finite or outside of it.
         """
-        self._size_wh = check_frame(frame)
-        self._box = self._seen = check_box(box, self._size_wh)
-        self._watch = Watch()
-        self._tracker.init(self._unsteadied(frame), self._box)
-        self._begin(frame)
+        size_wh = check_frame(frame)
+        xywh, watch = check_box(box, size_wh), Watch()
+        follower, camera = self._started(self._config, frame, xywh, watch)
+        self._tracker.init(_unsteadied(frame, self._config), xywh)
+        self._box = self._seen = xywh
+        self._size_wh, self._watch = size_wh, watch
+        self._follower, self._camera = follower, camera
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
         """Steady by `config` from now on, and keep the target.
@@ -78,17 +93,28 @@ class SteadiedTracker:
         config : StabilizerConfig
         frame : (H, W, 3) uint8 BGR
             The one that was given last.
+
+        Raises
+        ------
+        ValueError
+            It is no `StabilizerConfig`, or the frame is not an image.
+        FrameSizeError
+            The frame's size is not that of the first one.
         """
-        self._config = config
+        if not isinstance(config, StabilizerConfig):
+            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+        check_frame(frame, None if self._box is None else self._size_wh)
         if self._box is None:
+            self._config = config
             return
-        view = self._unsteadied(frame)
+        follower, camera = self._started(config, frame, self._seen, self._watch)
+        view = _unsteadied(frame, config)
         if self._tracker.doubt is None:
             self._tracker.init(view, self._seen)
         else:
             self._tracker.seek(view, self._seen)
-        self._box = self._seen
-        self._begin(frame)
+        self._box, self._config = self._seen, config
+        self._follower, self._camera = follower, camera
 
     def update(
         self, frame: Image, motion: Motion | None = None, following: Image | None = None
@@ -104,23 +130,27 @@ class SteadiedTracker:
             video share one estimate); estimated from the frames otherwise.
         following : (H, W, 3) uint8 BGR, optional
             The frame after this one, where it is at hand: the camera's motion to it is estimated
-            while the tracker runs. It must be the next one that is given. Changes no result.
+            while the tracker runs, in a thread of this tracker's own. It must be the next one that
+            is given, and not be written to until then. Changes no result.
 
         Raises
         ------
         ValueError
-            The frame is not an image, or there is no target yet, or not the frame that was
-            announced.
+            There is no target yet, or the frame is not an image or not the one that was
+            announced, or `following` or `motion` is not of its form.
         FrameSizeError
             The frame's size is not that of the first one.
         """
         if self._box is None:
             raise ArgumentError("no target yet: call init(frame, box) before update(frame)")
         check_frame(frame, self._size_wh)
+        # One of another size is refused in its turn.
+        ahead = following is not None and check_frame(following) == self._size_wh
+        known = None if motion is None else known_motion(motion, self._size_wh)
         if self._camera is not None:
-            motion = self._camera.update(frame, self._box, motion)
-        expected = self.expect(motion)
-        if self._camera is not None and following is not None and expected is not None:
+            known = self._camera.update(frame, self._box, known)
+        expected = self.expect(known)
+        if self._camera is not None and ahead and following is not None and expected is not None:
             self._camera.start(following, expected)
         return self.look(frame)
 
@@ -137,15 +167,22 @@ class SteadiedTracker:
         self._box = self._expected or track.box
         return track
 
-    def _begin(self, frame: Image) -> None:
-        """Follow the target, with which the tracker begins in `frame`."""
-        make = Pursuit if self._config.stabilize == "predict" else Steadying
-        self._follower = make(self._tracker, self._config, self._seen, self._watch)
-        self._camera = self.camera()
-        if self._camera is not None:
-            self._follower.expect(self._camera.update(frame))
+    def _started(
+        self, config: StabilizerConfig, frame: Image, xywh: XYWH, watch: Watch
+    ) -> tuple[Pursuit | Steadying, MotionAhead | None]:
+        """What follows the target in `xywh` of `frame`, and a camera that has seen the frame."""
+        make = Pursuit if config.stabilize == "predict" else Steadying
+        follower, camera = make(self._tracker, config, xywh, watch), _camera(config)
+        if camera is not None:
+            follower.expect(camera.update(frame))
+        return follower, camera
 
-    def _unsteadied(self, frame: Image) -> FrameView:
-        return FrameView(
-            frame, border=0 if self._config.stabilize == "off" else self._config.border
-        )
+
+def _camera(config: StabilizerConfig) -> MotionAhead | None:
+    if config.stabilize == "off":
+        return None
+    return MotionAhead(CameraMotion(config.keypoints, config.fit, model="rigid"))
+
+
+def _unsteadied(frame: Image, config: StabilizerConfig) -> FrameView:
+    return FrameView(frame, border=0 if config.stabilize == "off" else config.border)

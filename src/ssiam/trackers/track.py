@@ -15,6 +15,8 @@ from ssiam.motion import Motion
 class Track:
     """The target in one frame.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     box : (x, y, w, h) floats

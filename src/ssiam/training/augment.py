@@ -33,6 +33,8 @@ _COVER_AT: Final = (0.4, 1.1)
 class AugmentSettings:
     """How often crops are changed, shares 0..1.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     grey : float

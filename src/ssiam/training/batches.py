@@ -71,6 +71,8 @@ class Lessons(NamedTuple):
 class Batch:
     """N pairs of crops with what is to be found in them.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     template : (N, 3, 127, 127) uint8 BGR

@@ -42,6 +42,8 @@ LAYOUTS: Final = tuple(dict.fromkeys((*_READERS, "regions", "stamps", "tracks", 
 class SourceSettings:
     """One set of training data.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     layout : str

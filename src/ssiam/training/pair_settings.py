@@ -13,6 +13,8 @@ from ssiam.training.windows import WindowSettings
 class PairSettings:
     """What pairs are like.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     reach : int

@@ -38,6 +38,8 @@ _TEMPLATE_SHAKE = 0.25
 class PairSampler:
     """Draws pairs of crops from sources; pictures that cannot be read are told once and passed.
 
+    Threads: one thread at a time; other processes make one of their own.
+
     Parameters
     ----------
     sources : sequence of Source

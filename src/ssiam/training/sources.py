@@ -19,6 +19,8 @@ Mask = NDArray[np.bool_]
 class TrainingTrack(Protocol):
     """One object through the pictures of a video, or in a single picture.
 
+    Threads: any number may read it at once.
+
     Frames count from 0. Boxes are pixels of the picture, 0-based: x is the first column that the
     target covers, w the number of columns.
     """
@@ -42,7 +44,10 @@ class TrainingTrack(Protocol):
 
 
 class Source(Protocol):
-    """A set of tracks that training draws from."""
+    """A set of tracks that training draws from.
+
+    Threads: one thread at a time.
+    """
 
     @property
     def name(self) -> str:
@@ -89,6 +94,8 @@ class Names:
 @dataclass(frozen=True, eq=False)
 class TrackList:
     """A `Source` of tracks that are all known from the start.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------

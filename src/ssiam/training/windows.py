@@ -29,6 +29,8 @@ _CUT: Final = 2.5
 class WindowSettings:
     """How far windows lie off the truth.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     shift : float

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from numpy.typing import NDArray
 
+from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image
 
@@ -25,6 +26,8 @@ DeepPictures: TypeAlias = Generator[DeepPicture, None, None]
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One picture of a source.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------
@@ -70,8 +73,10 @@ class SourceFacts:
     remarks: list[str] = field(default_factory=list)
 
 
-class Source:
+class Source(NotCopied):
     """Iterator of `Frame`; a context manager that lets go of the file, camera or connection.
+
+    Threads: one thread at a time.
 
     It is read once, from front to back, and holds no more than a few frames at a time. Made by
     `open_source`; opening decodes the first frame, so that what cannot be read fails there.

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import NotCopied
 from ssiam.errors import MissingExtraError, SinkError
 from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
@@ -26,8 +27,10 @@ _AXES = (
 )
 
 
-class PathPlot:
+class PathPlot(NotCopied):
     """Collects the camera's motion while tracking, and draws it when closed.
+
+    Threads: one thread at a time.
 
     Left column: the camera's path, raw and smoothed (Fig. 3). Right column: what was done to each
     frame, after the limits of eq. 6 (Fig. 4). Grey: frames whose motion could not be told.

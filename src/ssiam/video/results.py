@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
+from ssiam.copying import NotCopied
 from ssiam.errors import SinkError
 from ssiam.outputs import Part, check_output
 from ssiam.trackers import Track
@@ -74,8 +75,10 @@ def _layout_name(path: Path, layout: str | None) -> str:
     return layout
 
 
-class ResultSink:
+class ResultSink(NotCopied):
     """Writes tracks as lines; a context manager. Made by `open_results`.
+
+    Threads: one thread at a time.
 
     Every line is written whole and at once to ``NAME.part.EXT``, which `close` renames, also after
     Ctrl-C or an exception: a run that is interrupted or killed leaves complete lines. If the

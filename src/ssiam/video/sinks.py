@@ -18,6 +18,7 @@ from av.container import OutputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
 from ssiam.outputs import Part
@@ -56,8 +57,10 @@ _AVI_LONGEST = 60
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
 
-class VideoSink:
+class VideoSink(NotCopied):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
+
+    Threads: one thread at a time.
 
     Frames go to ``NAME.part.EXT``, which `close` renames: also after Ctrl-C or an exception, with
     all frames that were written. If the program is killed or the disk is full the part stays, and

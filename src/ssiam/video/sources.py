@@ -30,6 +30,8 @@ _CAMERA = re.compile(r"(?:/dev/video)?([0-9]{1,3})")
 class RawFormat:
     """How headerless frames are laid out.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     size_wh : (int, int)

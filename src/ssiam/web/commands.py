@@ -13,6 +13,8 @@ from ssiam.stabilize import Method
 class Add:
     """Follow one more target; the answer is its id (int).
 
+    Threads: a value; any number of threads may share it.
+
     `xywh` is in raw-frame pixels of the step called `number`, or of the newest one if that is
     None. A step that was shown a moment ago is as good as the newest: the session catches up.
     """
@@ -24,21 +26,30 @@ class Add:
 
 @dataclass(frozen=True)
 class Hold:
-    """Somebody draws into the step called `number`: keep it until the box is there."""
+    """Somebody draws into the step called `number`: keep it until the box is there.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     number: int
 
 
 @dataclass(frozen=True)
 class Remove:
-    """Follow a target no longer; None means all of them."""
+    """Follow a target no longer; None means all of them.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     id: int | None = None
 
 
 @dataclass(frozen=True)
 class Rename:
-    """Call a target by another name."""
+    """Call a target by another name.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     id: int
     name: str
@@ -46,31 +57,46 @@ class Rename:
 
 @dataclass(frozen=True)
 class Steady:
-    """Steady by another method from now on; the targets are kept."""
+    """Steady by another method from now on; the targets are kept.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     method: Method
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Stand still (True) or go on (False)."""
+    """Stand still (True) or go on (False).
+
+    Threads: a value; any number of threads may share it.
+    """
 
     paused: bool
 
 
 @dataclass(frozen=True)
 class Advance:
-    """Go on by one frame, and pause."""
+    """Go on by one frame, and pause.
+
+    Threads: a value; any number of threads may share it.
+    """
 
 
 @dataclass(frozen=True)
 class Restart:
-    """Begin a file again; every target starts anew where it was first drawn."""
+    """Begin a file again; every target starts anew where it was first drawn.
+
+    Threads: a value; any number of threads may share it.
+    """
 
 
 @dataclass(frozen=True)
 class Record:
-    """Begin (True) or end (False) a recording; the answer is its name (str)."""
+    """Begin (True) or end (False) a recording; the answer is its name (str).
+
+    Threads: a value; any number of threads may share it.
+    """
 
     recording: bool
 

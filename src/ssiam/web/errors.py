@@ -53,7 +53,10 @@ class Health:
 
 @dataclass(frozen=True)
 class Note:
-    """One line for the people who watch a session; never holds a password."""
+    """One line for the people who watch a session; never holds a password.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     level: Level
     message: str

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 class SessionLimits:
     """What a session bears.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     targets : int
@@ -20,7 +22,10 @@ class SessionLimits:
 
 @dataclass(frozen=True)
 class SessionInfo:
-    """What a session shows; sizes in pixels, `length` in frames, None where nobody knows."""
+    """What a session shows; sizes in pixels, `length` in frames, None where nobody knows.
+
+    Threads: a value; any number of threads may share it.
+    """
 
     source: str
     size_wh: tuple[int, int] | None

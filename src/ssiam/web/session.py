@@ -11,6 +11,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Literal
 
+from ssiam.copying import NotCopied
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
@@ -33,12 +34,14 @@ _WAIT: Final = 0.02  # seconds for a frame, before commands are looked at again
 _CLOSING: Final = 5.0  # seconds that `close` waits for a frame or a command under way
 
 
-class Session:
+class Session(NotCopied):
     """Tracks on a thread of its own; everybody else asks and listens. A context manager.
 
-    An error in a frame or in a command is told of, and the session goes on. A frame or a command
-    that does not come to an end is told of too (`health`); it cannot be interrupted, and everything
-    that is asked meanwhile is refused.
+    Threads: its methods may be called from any; what they ask for is done in the one that tracks.
+
+    An error in a frame or in a command is reported, and the session goes on. A frame or a command
+    that does not end is reported too (`health`); it cannot be interrupted, and everything that is
+    asked meanwhile is refused.
 
     Parameters
     ----------

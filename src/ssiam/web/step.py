@@ -18,6 +18,8 @@ Playing: TypeAlias = Literal["playing", "paused", "reconnecting", "ended"]
 class Target:
     """One target of a session in one frame.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     id : int
@@ -45,6 +47,8 @@ class Target:
 @dataclass(frozen=True, eq=False)
 class Step:
     """One frame of a session, with everything that was made of it.
+
+    Threads: a value; any number of threads may share it.
 
     Attributes
     ----------

@@ -1,0 +1,224 @@
+"""Trackers of one load, each in a thread of its own, find what each alone finds.
+
+The engines are held between inference and reading until all threads are there: whoever shares
+buffers with another reads the other's outputs, on every machine and in every run.
+"""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+import ssiam
+from ssiam.runtime import pieces
+from ssiam.video import open_source
+from synthetic import golden_video
+
+THREADS = 4
+WAIT = 300  # seconds, after which a thread that never comes is a failure
+ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_r50_l3"
+
+
+@pytest.fixture(scope="module")
+def frames(request):
+    with open_source(request.config.rootpath / "examples" / "shaky-walker.mp4") as source:
+        return [frame.image for frame, _ in zip(source, range(12), strict=False)]
+
+
+BOXES = [  # the walker, and three pieces of the scene
+    (53.2, 114.1, 26.5, 66.4),
+    (150.0, 60.0, 60.0, 40.0),
+    (200.0, 120.0, 30.0, 50.0),
+    (100.0, 30.0, 44.0, 44.0),
+]
+
+
+def followed(tracker, box, frames, before=lambda: None):
+    """Boxes, scores, corners and masks of a target: everything that a network decides."""
+    tracker.init(frames[0], box)
+    found = []
+    for frame in frames[1:]:
+        before()
+        track = tracker.update(frame)
+        mask = None if track.mask is None else np.packbits(track.mask).tobytes()
+        corners = None if track.corners is None else track.corners.tolist()
+        found.append((track.box, track.score, corners, mask))
+    return found
+
+
+def together(jobs, barrier):
+    """What the jobs return, each run in a thread of its own."""
+
+    def run(job):
+        try:
+            return job()
+        except BaseException:
+            barrier.abort()  # nobody waits for a thread that is gone
+            raise
+
+    with ThreadPoolExecutor(len(jobs)) as pool:
+        return [done.result() for done in [pool.submit(run, job) for job in jobs]]
+
+
+def hold_openvino(monkeypatch, hold):
+    from ssiam.runtime.openvino import ov
+
+    infer = ov.InferRequest.infer
+
+    def held(request, inputs, share_inputs=False, share_outputs=False):
+        # Outputs as they lie in the request: copies could be made before the others are there.
+        results = infer(request, inputs, share_inputs=share_inputs, share_outputs=True)
+        hold()
+        return results
+
+    monkeypatch.setattr(ov.InferRequest, "infer", held)
+
+
+def hold_onnxruntime(monkeypatch, hold):
+    ort = pytest.importorskip("onnxruntime")
+    run = ort.InferenceSession.run
+
+    def held(session, *arguments):
+        results = run(session, *arguments)
+        hold()
+        return results
+
+    monkeypatch.setattr(ort.InferenceSession, "run", held)
+
+
+def hold_torch(monkeypatch, hold):
+    torch = pytest.importorskip("torch")
+    from ssiam.networks import graphs
+
+    for kind in (graphs.TemplateGraph, graphs.SearchGraph, graphs.RefineGraph):
+
+        def held(graph, *inputs, forward=kind.forward):
+            results = forward(graph, *inputs)
+            hold()
+            return results
+
+        monkeypatch.setattr(kind, "forward", held)
+    assert torch.nn.Module.__call__  # which calls forward
+
+
+HOLD = {"openvino": hold_openvino, "onnxruntime": hold_onnxruntime, "torch": hold_torch}
+
+
+def check(monkeypatch, runtime, first, frames):
+    """Four trackers in four threads against one alone, each on a target of its own."""
+    alone = [followed(first, box, frames) for box in BOXES]
+    assert len({str(found) for found in alone}) == THREADS  # else a mix-up would not show
+    barrier = threading.Barrier(THREADS, timeout=WAIT)
+    HOLD[runtime](monkeypatch, barrier.wait)
+    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    jobs = [
+        lambda tracker=tracker, box=box: followed(tracker, box, frames)
+        for tracker, box in zip(trackers, BOXES, strict=True)
+    ]
+    found = None
+    with suppress(threading.BrokenBarrierError):
+        found = together(jobs, barrier)
+    assert found == alone
+
+
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_lite(monkeypatch, frames, runtime):
+    pytest.importorskip(runtime)
+    check(monkeypatch, runtime, ssiam.load_tracker(stabilize="off", runtime=runtime), frames)
+
+
+@pytest.mark.parametrize("version", ["v1", "v3"])
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_nanotrack(monkeypatch, shared, frames, runtime, version):
+    pytest.importorskip(runtime)
+    weights = shared(f"data/weights/nanotrack{version}")
+    first = ssiam.load_tracker(
+        f"nanotrack_{version}", weights=weights, stabilize="off", runtime=runtime
+    )
+    check(monkeypatch, runtime, first, frames)
+
+
+@pytest.mark.parametrize(
+    ("golden", "name", "count"),
+    [("siamfc", "siamfc", 4), (ALEX, ALEX, 4), (MASK, "siammask_e", 2), (R50, R50, 2)],
+)
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime", "torch"])
+def test_the_papers_trackers(monkeypatch, runtime, golden, name, count):
+    pytest.importorskip("torch")
+    pytest.importorskip("onnx")
+    from networks.models import SLOW, checkpoint, exported, folder
+
+    if not SLOW and (golden == R50 or (golden, runtime) == (MASK, "onnxruntime")):
+        pytest.skip("takes half a minute: set SSIAM_SLOW")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder() / "cache"))
+    weights = checkpoint(golden) if runtime == "torch" else exported(golden)
+    first = ssiam.load_tracker(name, weights=weights, stabilize="off", runtime=runtime)
+    check(monkeypatch, runtime, first, golden_video("A", count)[0])
+
+
+def test_networks_whose_weights_are_held_once(monkeypatch):
+    pytest.importorskip("torch")
+    pytest.importorskip("onnx")
+    from networks.models import exported, folder
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder() / "cache"))
+    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1_000_000)
+    first = ssiam.load_tracker(ALEX, weights=exported(ALEX), stabilize="off")
+    check(monkeypatch, "openvino", first, golden_video("A", 4)[0])
+
+
+@pytest.mark.parametrize("stabilize", ["predict", "paper"])
+def test_stabilized_and_with_the_next_frame_at_hand(frames, stabilize):
+    """Camera motion, prediction and the thread of `following` are each tracker's own."""
+
+    def run(tracker, box):
+        tracker.init(frames[0], box)
+        return [
+            (track.box, track.score, track.stab_from_raw.tobytes())
+            for frame, after in zip(frames[1:], [*frames[2:], None], strict=True)
+            for track in [tracker.update(frame, following=after)]
+        ]
+
+    first = ssiam.load_tracker(stabilize=stabilize)
+    alone = [run(first, box) for box in BOXES]
+    barrier = threading.Barrier(THREADS, timeout=WAIT)
+    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    jobs = [
+        lambda tracker=tracker, box=box: run(tracker, box)
+        for tracker, box in zip(trackers, BOXES, strict=True)
+    ]
+    assert together(jobs, barrier) == alone
+
+
+@pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
+def test_opencv(frames, name):
+    """They begin each frame at the same moment; MIL's runs are alike, too."""
+    first = ssiam.load_tracker(name, stabilize="off")
+    alone = [followed(first, box, frames) for box in BOXES]
+    barrier = threading.Barrier(THREADS, timeout=WAIT)
+    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    jobs = [
+        lambda tracker=tracker, box=box: followed(tracker, box, frames, barrier.wait)
+        for tracker, box in zip(trackers, BOXES, strict=True)
+    ]
+    assert together(jobs, barrier) == alone
+
+
+@pytest.mark.parametrize("keypoints", ssiam.motion.KEYPOINTS)
+def test_camera_motion(frames, keypoints):
+    def run(seen, before=lambda: None):
+        camera = ssiam.CameraMotion(keypoints)
+        motions = []
+        for frame in seen:
+            before()
+            motions.append(camera.update(frame).cur_from_prev.tolist())
+        return motions
+
+    parts = [frames, frames[::-1], frames[:1] + frames[2:] + frames[1:2], frames[3:] + frames[:3]]
+    alone = [run(seen) for seen in parts]
+    barrier = threading.Barrier(THREADS, timeout=WAIT)
+    jobs = [lambda seen=seen: run(seen, barrier.wait) for seen in parts]
+    assert together(jobs, barrier) == alone

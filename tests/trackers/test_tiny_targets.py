@@ -1,0 +1,110 @@
+"""Targets of a few pixels: boxes as small as they are, or a score that knows better."""
+
+import cv2
+import numpy as np
+import pytest
+
+import ssiam
+from ssiam import FrameView
+from ssiam.geometry import iou
+from ssiam.trackers.lite_mask import PastedMask, turned_box
+from ssiam.trackers.siamese import TargetState, floor_overlap, smallest_size
+from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
+from synthetic import generator
+from trackers.stub_networks import MARKER, Stub, kernels, seeing_maps
+
+
+def drawn(side, shake, count=16):
+    """Frames (360, 640, 3) of a bright square that walks over a shaking ground, and its boxes."""
+    r = generator(3)
+    noise = r.integers(0, 255, (700, 1000, 3), dtype=np.uint8)
+    ground = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 60, 160, cv2.NORM_MINMAX)
+    path = r.normal(0, shake / 2, (count, 2)).cumsum(axis=0) + r.normal(0, shake, (count, 2))
+    frames, boxes = [], []
+    for index, (ox, oy) in enumerate(np.round(150 + path).astype(int).tolist()):
+        frame = ground[oy : oy + 360, ox : ox + 640].copy()
+        x, y = int(470 + 1.5 * index - ox), int(330 + 0.7 * index - oy)
+        frame[y : y + side, x : x + side] = 240, 240, 250
+        frames.append(frame)
+        boxes.append((x, y, side, side))
+    return frames, boxes
+
+
+def followed(tracker, side, shake=4):
+    """Overlaps with the truth, and scores."""
+    frames, boxes = drawn(side, shake)
+    tracker.init(frames[0], boxes[0])
+    tracks = [tracker.update(frame) for frame in frames[1:]]
+    overlaps = iou([track.box for track in tracks], boxes[1:])
+    return overlaps, np.array([track.score for track in tracks])
+
+
+@pytest.mark.parametrize("side", [4, 6, 8, 12])
+@pytest.mark.parametrize(("stabilize", "shake"), [("predict", 4), ("off", 0)])
+def test_lite_gives_a_tiny_target_a_tiny_box(side, stabilize, shake):
+    overlaps, scores = followed(ssiam.load_tracker(stabilize=stabilize), side, shake)
+    assert overlaps.min() > 0.6
+    assert scores.mean() > 0.8
+
+
+@pytest.mark.parametrize("version", ["v1", "v2", "v3"])
+@pytest.mark.parametrize("side", [6, 8])
+def test_nanotracks_score_knows_whether_its_box_can_be_right(shared, version, side):
+    weights = shared(f"data/weights/nanotrack{version}")
+    tracker = ssiam.load_tracker(f"nanotrack_{version}", weights=weights)
+    overlaps, scores = followed(tracker, side)
+    assert abs((overlaps > 0.5).mean() - scores.mean()) < 0.35
+
+
+def marked(side):
+    frame = np.full((240, 320, 3), 90, np.uint8)
+    frame[100 : 100 + side, 150 : 150 + side] = MARKER
+    return frame
+
+
+@pytest.mark.parametrize("side", [5, 6, 8, 16, 30])
+def test_the_references_loop_keeps_its_floor_and_its_score_knows_it(side):
+    networks = SiamRpnNetworks(Stub(kernels), seeing_maps())
+    tracker = SiamRpn(networks, SiamRpnParameters(0.05, 0.42, 0.38))
+    box = (150.0, 100.0, float(side), float(side))
+    tracker.init(FrameView(marked(side)), box)
+    for _ in range(8):
+        track = tracker.track(FrameView(marked(side)))
+    assert min(track.box[2:]) >= 10
+    overlap = iou(track.box, box)
+    if side >= 16:
+        assert overlap > 0.75
+        assert track.score > 0.99
+    else:
+        assert track.score == pytest.approx((side / 10) ** 2, abs=0.12)
+        assert (track.score > 0.5) == (overlap > 0.5)
+
+
+@pytest.mark.parametrize(
+    ("first", "smallest"),
+    [((6, 8), (3, 4)), ((12, 40), (6, 10)), ((1, 1), (1, 1)), ((300, 20), (10, 10))],
+)
+def test_the_floor_follows_the_first_box(first, smallest):
+    assert smallest_size(first) == smallest
+
+
+def test_only_a_box_on_its_floor_overlaps_less():
+    state = TargetState((50.0, 50.0), (10.0, 30.0))
+    assert floor_overlap(state, np.array([5.0, 15.0])) == 0.5
+    assert floor_overlap(state, np.array([12.0, 15.0])) == 1.0
+    assert floor_overlap(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
+
+
+@pytest.mark.parametrize(("side", "turned"), [((14, 6), True), ((48, 24), True)])
+def test_a_small_masks_turn_is_believed(side, turned):
+    """Of a mask of less than 100 pixels the rotated box was always the upright one."""
+    mask = np.zeros((80, 80), np.uint8)
+    corners = cv2.boxPoints(((40.0, 40.0), side, 30.0))
+    cv2.fillPoly(mask, [np.round(corners).astype(np.int32)], 1)
+    rows, columns = np.nonzero(mask)
+    x, y = columns.min(), rows.min()
+    xywh = (float(x), float(y), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
+    found = turned_box(PastedMask(mask.astype(bool), (0, 0)), xywh)
+    edges = np.roll(found, -1, axis=0) - found
+    slant = np.abs(edges / np.linalg.norm(edges, axis=1)[:, None]).min(axis=1)
+    assert (slant > 0.2).all() == turned
