@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, check_frame
+from ssiam.motion.content import Area, Content
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.keypoints import GeneratorName, keypoint_generator
@@ -37,7 +38,8 @@ class _Estimator(Protocol):
 class CameraMotion:
     """Estimates the camera's motion from frame to frame, without delay.
 
-    Memory and time per frame do not grow with the stream.
+    Memory and time per frame do not grow with the stream. Bars beside the scene (9:16 or 4:3 in
+    16:9, 2.35:1, of one color or blurred) are cut off first: the motion is that of the cut video.
 
     Parameters
     ----------
@@ -71,6 +73,7 @@ class CameraMotion:
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
         self._model: ModelName = check_choice("model", model, get_args(ModelName))
         self._size_wh: tuple[int, int] | None = None
+        self._content: Content | None = None
         self._estimator: _Estimator | None = None
 
     def update(
@@ -99,15 +102,36 @@ class CameraMotion:
         FrameSizeError
             The frame's size differs from the one before.
         """
-        size_wh = self._size_wh = check_frame(frame, self._size_wh)
-        if self._estimator is None:
-            self._estimator = self._made(size_wh)
-        if motion is None:
-            return self._estimator.motion(frame, _boxes(exclude))
-        self._estimator.see(frame)
-        return motion if isinstance(motion, Motion) else Motion.given(motion, size_wh)
+        size_wh = check_frame(frame, self._size_wh)
+        boxes = _boxes(exclude)
+        if motion is not None and not isinstance(motion, Motion):
+            motion = Motion.given(motion, size_wh)
+        if self._content is None:
+            self._size_wh, self._content = size_wh, Content(size_wh)
+            self._content.update(frame)
+            self._estimator = self._made(self._content.area)
+        return self._between(self._content, frame, boxes, motion)
 
-    def _made(self, size_wh: tuple[int, int]) -> _Estimator:
+    def _between(
+        self, content: Content, frame: Image, boxes: NDArray[np.float64], motion: Motion | None
+    ) -> Motion:
+        """The motion to `frame`, estimated in what shows the scene in both frames."""
+        estimator, area = self._estimator, content.area
+        assert estimator is not None
+        changed = content.update(frame)
+        if motion is None:
+            origin = area.left, area.top
+            found = estimator.motion(area.of(frame), boxes - 2 * origin)
+            motion = found.placed(origin, (frame.shape[1], frame.shape[0]))
+        elif not changed:
+            estimator.see(area.of(frame))
+        if changed:
+            self._estimator = self._made(content.area)
+            self._estimator.see(content.area.of(frame))
+        return motion
+
+    def _made(self, area: Area) -> _Estimator:
+        size_wh = area.right - area.left, area.bottom - area.top
         if self._keypoints == "direct":
             return DirectMotion(size_wh, self._model)
         generate = keypoint_generator(self._keypoints)
