@@ -123,6 +123,8 @@ class CameraMotion:
             origin = area.left, area.top
             found = estimator.motion(area.of(frame), boxes - 2 * origin)
             motion = found.placed(origin, (frame.shape[1], frame.shape[0]))
+            if content.doubtful:
+                motion = Motion.none(motion.size_wh)
         elif not changed:
             estimator.see(area.of(frame))
         if changed:
