@@ -21,7 +21,6 @@ _PATIENCE: Final = 64  # frames, at most, before a depth that was wrong once is 
 
 # The outermost lines, in means of 8 pixels: what a bar can look like at all.
 _MEANS: Final = 8  # px
-_PLAIN: Final = 5  # gray levels between the least and the largest mean of a bar of one color
 _WAVY: Final = 12  # gray levels: the largest second difference of means in a blurred bar
 
 _FLAT: Final = 3  # gray levels by which a bar of one color differs from it, small frame
@@ -45,6 +44,7 @@ _REST: Final = 15  # frames, at most, between two searches for blurred bars and 
 
 _DARK: Final = 24  # gray levels of the borders of a stabilized video
 _SAME: Final = 2  # gray levels by which such an area may differ from its corner
+_NOISE: Final = 0.5  # gray levels, standard deviation in it: a dark scene has more
 _RIM: Final = 3  # px around it that its edge reaches through the filters
 _AREA: Final = 0.005  # share of the frame that it covers at least
 _CONVEX: Final = 0.97  # share of its convex hull that content fills
@@ -113,7 +113,7 @@ class Content:
         width, height = self._size_wh
         area = Area(left, top, width - right, height - bottom)
         changed, self.area = area != self.area, area
-        if not any(found) and not self._stood:
+        if not any(seen.depth for seen in found) and not self._stood:
             self._rest = min(2 * self._rest + 1, _REST)
             self._resting = self._rest
         return changed
@@ -221,7 +221,7 @@ def _outermost(frame: Image, side: int) -> _Gray:
 
 
 def _plain(line: _Gray) -> bool:
-    return bool(np.ptp(line) <= _PLAIN)
+    return bool(np.abs(line - int(np.median(line))).max() <= _FLAT)
 
 
 def _smooth(line: _Gray) -> bool:
@@ -332,6 +332,8 @@ def flat_outside(gray: Image) -> Image | None:
         if not outside[y, x]:
             cv2.floodFill(gray, filled, (x, y), 0, _SAME, _SAME, flags)
     if not _AREA * gray.size <= cv2.countNonZero(outside) <= (1 - _AREA) * gray.size:
+        return None
+    if float(cv2.meanStdDev(gray, mask=outside)[1].max()) > _NOISE:
         return None
     inside = cv2.bitwise_not(outside)
     outlines, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
