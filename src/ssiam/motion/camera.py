@@ -84,6 +84,9 @@ class CameraMotion:
     ) -> Motion:
         """Motion from the frame of the last call to this one.
 
+        Frames that show nothing (black, white, of one color) are passed over: their motion is not
+        reliable, and that of the frame after them is from the last one that showed something.
+
         Parameters
         ----------
         frame : (H, W, 3) uint8 BGR

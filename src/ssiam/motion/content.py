@@ -42,6 +42,8 @@ _CONFIRMED: Final = 3  # frames in a row that show the same bars of a pattern
 
 _REST: Final = 15  # frames, at most, between two searches for blurred bars and patterns
 
+_NOTHING: Final = 2.5  # gray levels, standard deviation of a frame that shows nothing
+
 _DARK: Final = 24  # gray levels of the borders of a stabilized video
 _SAME: Final = 2  # gray levels by which such an area may differ from its corner
 _NOISE: Final = 0.5  # gray levels, standard deviation in it: a dark scene has more
@@ -132,6 +134,8 @@ class Content:
         small = cv2.resize(frame, self._small_wh)
         gray = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.int16)
         before, self._small = self._small, gray
+        if float(gray.std()) < _NOTHING:
+            return None
         flat = [_flat_depth(_from(gray, side)) if plain[side] else 0 for side in range(4)]
         height, width = gray.shape
         if width - flat[0] - flat[2] < _LEAST or height - flat[1] - flat[3] < _LEAST:
@@ -341,6 +345,11 @@ def flat_outside(gray: Image) -> Image | None:
     shape = np.zeros_like(inside)
     cv2.fillConvexPoly(shape, hull, 255)
     return outside if cv2.countNonZero(inside) >= _CONVEX * cv2.countNonZero(shape) else None
+
+
+def shows_nothing(gray: Image) -> bool:
+    """Whether a frame (H, W) uint8 is of one color but for noise."""
+    return float(cv2.meanStdDev(gray)[1].max()) < _NOTHING
 
 
 def without_rim(outside: Image) -> Image:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ssiam.geometry import Image
 from ssiam.motion.alignment import Aligned, Rules, align
 from ssiam.motion.cells import Floats, Grid, Template
-from ssiam.motion.content import flat_outside, without_rim
+from ssiam.motion.content import flat_outside, shows_nothing, without_rim
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion, plausible
 from ssiam.motion.overlays import Overlays
@@ -68,13 +68,20 @@ class DirectMotion:
             self._prev = self._seen(frame)
 
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
-        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out."""
+        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out.
+
+        Frames that show nothing are passed over: the motion to the one after them is that from
+        the last one that showed something.
+        """
         if self._too_small:
             return Motion.none(self._size_wh)
-        cur = self._seen(frame)
-        prev, self._prev = self._prev, cur
+        cur, prev = self._seen(frame), self._prev
         if prev is None:
+            self._prev = cur
             return Motion.none(self._size_wh, reliable=True)
+        if shows_nothing(cur.picture.coarse):
+            return Motion.none(self._size_wh)
+        self._prev = cur
         unit_boxes = self._scales.in_units(boxes)
         shown = self._overlays.background
         start = self._start.find(

@@ -63,6 +63,7 @@ class Prediction:
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
+        self._before = IDENTITY, Motion.none((0, 0))
         self.move_to(xywh)
 
     def move_to(self, xywh: XYWH) -> None:
@@ -76,6 +77,7 @@ class Prediction:
         `stab_from_raw` is then that frame's view.
         """
         self._reliable = motion.reliable
+        self._before = self.stab_from_raw, motion
         self._places = self._predicted(motion)
         chosen = self._choice()
         angle = _angle(self.stab_from_raw)
@@ -105,6 +107,19 @@ class Prediction:
                 moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
                 self._speeds += (1 - config.smoothing) * (moved - self._speeds)
         self._take(xywh)
+
+    def hold(self) -> XYWH:
+        """The frame of the last `update` shows nothing of the target: keep everything as it was.
+
+        The target is taken to be fixed in the scene, and the view shows it where it was.
+        Returns its box, raw-frame pixels.
+        """
+        self.stab_from_raw, motion = self._before
+        if motion.reliable:
+            self._centre = np.array(map_point(motion.cur_from_prev, *self._centre.tolist()))
+            self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(motion.cur_from_prev)
+        (x, y), (w, h) = self._centre.tolist(), self._size_wh
+        return x - w / 2, y - h / 2, w, h
 
     def _take(self, xywh: XYWH) -> None:
         self._centre, self._size_wh = _centre(xywh), xywh[2:]

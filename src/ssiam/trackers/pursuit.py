@@ -72,6 +72,26 @@ class Pursuit:
         return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
 
     @property
+    def sought_xywh(self) -> XYWH:
+        """The box in that frame around which the tracker looks, raw-frame pixels."""
+        return self._expected
+
+    def hold(self) -> Track:
+        """The target in that frame, which shows nothing: the tracker is not asked.
+
+        Nothing is learnt, and the next frame is looked at where the target was.
+        """
+        if self._config.find:
+            self._watch.wait()
+        return Track(
+            self._prediction.hold(),
+            0.0,
+            self._watch.lost,
+            motion=self._motion,
+            stab_from_raw=self._prediction.stab_from_raw,
+        )
+
+    @property
     def _searching(self) -> bool:
         return self._watch.frames >= _PATIENCE and self._tracker.doubt is not None
 

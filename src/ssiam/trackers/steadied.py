@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, check_box, check_frame
@@ -10,6 +11,7 @@ from ssiam.motion import CameraMotion, Motion, MotionAhead
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.pursuit import Pursuit
+from ssiam.trackers.sight import Sight
 from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
@@ -65,6 +67,7 @@ class SteadiedTracker:
         self._size_wh = check_frame(frame)
         self._box = self._seen = check_box(box, self._size_wh)
         self._watch = Watch()
+        self._sight = Sight(frame)
         self._tracker.init(self._unsteadied(frame), self._box)
         self._begin(frame)
 
@@ -132,7 +135,13 @@ class SteadiedTracker:
     def look(self, frame: Image) -> Track:
         """The second half of an update: where the target is."""
         check_frame(frame, self._size_wh)
-        track = self._follower.look(frame)
+        follower = self._follower
+        if self._sight.shows(frame, follower.sought_xywh, lost=self._watch.lost):
+            track = follower.look(frame)
+        else:
+            track = follower.hold()
+        if track.lost:
+            track = replace(track, box=_beside(track.box, self._size_wh))
         self._seen = track.box
         self._box = self._expected or track.box
         return track
@@ -149,3 +158,10 @@ class SteadiedTracker:
         return FrameView(
             frame, border=0 if self._config.stabilize == "off" else self._config.border
         )
+
+
+def _beside(xywh: XYWH, size_wh: tuple[int, int]) -> XYWH:
+    """The box, moved to where it touches the frame of (width, height) if it is off it."""
+    x, y, w, h = xywh
+    width, height = size_wh
+    return min(max(x, -w), float(width)), min(max(y, -h), float(height)), w, h

@@ -43,6 +43,11 @@ class Watch:
         elif self._running < _LOST:
             self.lost = True
 
+    def wait(self) -> None:
+        """A frame shows nothing: the target is not seen, and nobody can look for it."""
+        self._running *= _MEMORY
+        self.lost = self.lost or self._running < _LOST
+
 
 class Whereabouts:
     """Where a target can be that was out of sight for a moment.
