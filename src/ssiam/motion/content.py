@@ -37,7 +37,7 @@ _BLURRED: Final = 8  # px of the small frame, the least depth of a blurred bar
 _EVEN: Final = 2  # px of the small frame by which opposite bars may differ
 
 _UNCHANGED: Final = 3  # gray levels between two frames
-_ALIVE: Final = 0.3  # share of the content's outermost lines that changes
+_ALIVE: Final = 0.1  # share of the content's outermost lines that changes
 _CONFIRMED: Final = 3  # frames in a row that show the same bars of a pattern
 
 _REST: Final = 15  # frames, at most, between two searches for blurred bars and patterns
@@ -106,6 +106,7 @@ class Content:
             if self._resting >= 0 or not self._may_have_others(before):
                 self._small, self._stood, self.doubtful = None, 0, False
                 return False
+        compared = self._small is not None
         found = self._found(frame, plain)
         if found is None:
             return False
@@ -115,7 +116,7 @@ class Content:
         width, height = self._size_wh
         area = Area(left, top, width - right, height - bottom)
         changed, self.area = area != self.area, area
-        if not any(seen.depth for seen in found) and not self._stood:
+        if compared and not self._stood and not any(seen.depth for seen in found):
             self._rest = min(2 * self._rest + 1, _REST)
             self._resting = self._rest
         return changed
