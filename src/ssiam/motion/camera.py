@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, check_frame
-from ssiam.motion.content import Area, Content
+from ssiam.motion.content import Content
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.keypoints import GeneratorName, keypoint_generator
@@ -112,7 +112,8 @@ class CameraMotion:
         if self._content is None:
             self._size_wh, self._content = size_wh, Content(size_wh)
             self._content.update(frame)
-            self._estimator = self._made(self._content.area)
+            self._begin(self._content.area.of(frame))
+            return motion or Motion.none(size_wh, reliable=True)
         return self._between(self._content, frame, boxes, motion)
 
     def _between(
@@ -131,16 +132,18 @@ class CameraMotion:
         elif not changed:
             estimator.see(area.of(frame))
         if changed:
-            self._estimator = self._made(content.area)
-            self._estimator.see(content.area.of(frame))
+            self._begin(content.area.of(frame))
         return motion
 
-    def _made(self, area: Area) -> _Estimator:
-        size_wh = area.right - area.left, area.bottom - area.top
+    def _begin(self, shown: Image) -> None:
+        """Estimate in frames of this size from now on, of which this is the first."""
+        size_wh = shown.shape[1], shown.shape[0]
         if self._keypoints == "direct":
-            return DirectMotion(size_wh, self._model)
-        generate = keypoint_generator(self._keypoints)
-        return PointMotion(size_wh, generate, self._fit, self._model)
+            self._estimator = DirectMotion(size_wh, self._model)
+        else:
+            generate = keypoint_generator(self._keypoints)
+            self._estimator = PointMotion(size_wh, generate, self._fit, self._model)
+        self._estimator.see(shown)
 
 
 def _boxes(exclude: Any) -> NDArray[np.float64]:

@@ -175,13 +175,14 @@ class Content:
             changed = np.abs(gray - before) > _UNCHANGED
             known = [bar.small for bar in self._bars]
             if any(known) and _stand(changed, known):
+                self.doubtful = False
                 return known
             found = _unchanged_depths(changed)
             if found is not None:
                 same = np.abs(np.subtract(found, self._standing)).max() <= 1
                 self._stood = (self._stood + 1 if same else 1) if any(found) else 0
                 self._standing = found
-        self.doubtful = 0 < self._stood < _CONFIRMED
+        self.doubtful = self._stood > 0
         return self._standing if self._stood >= _CONFIRMED else [0] * 4
 
 
