@@ -3,12 +3,12 @@
     python benchmarks/blank_frames.py [--trackers lite,nanotrack_v3] [--stabilize predict]
         [--insert] [--verbose]
 
-Black, white, gray, torn and noisy gray frames take the place of frames of the shared sequences and of
-the demo clip; with `--insert` they are put in between, and the clip goes on where it was. A tracker
-is started on the true box 25 frames before the gap. Wrong: frames from the gap on in which the box
-is not on the target (IoU < .1) and `lost` is False, though the tracker without a gap is on the
-target then (for replaced frames: in that frame). Back: within 30 frames after the gap the target is
-held again (IoU >= .5, not lost). `lost` without gaps is counted over the same frames.
+Black, white, gray, torn and noisy gray frames take the place of frames of the shared sequences and
+of the demo clip; with `--insert` they are put in between, and the clip goes on where it was. A
+tracker is started on the true box 25 frames before the gap. Wrong: frames after the gap in which
+the box is not on the target (IoU < .1) and `lost` is False, though the tracker without a gap is on
+the target then. Back: within 30 frames after the gap the target is held again (IoU >= .5, not
+lost). `lost` without gaps is counted over the same frames.
 
 The aim: wrong in no gap; back in 20 of 25 for lite and NanoTrack. Needs the folder of test data
 (see shared_data.py).
@@ -35,6 +35,15 @@ TRACKERS = "lite,nanotrack_v1,nanotrack_v2,nanotrack_v3,csrt,kcf"
 DEMO = Path(__file__).parents[1] / "examples" / "shaky-walker.mp4"
 BEFORE, AFTER = 25, 30  # frames
 ON, ELSEWHERE = 0.5, 0.1  # IoU
+HEAD = (
+    "tracker",
+    "gaps",
+    "wrong",
+    "wrong for 5 frames",
+    "box moved in the gap",
+    "back",
+    "lost without gaps",
+)
 KINDS = ("black", "white", "gray", "torn", "noise")
 GAPS = (  # clip, first frame, frames
     ("demo", 28, 3),
@@ -131,13 +140,13 @@ def _frames(sequence: Sequence, stop: int) -> tuple[list[np.ndarray], np.ndarray
 
 def followed(
     tracker: SteadiedTracker, frames: list[np.ndarray], first: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Boxes (N, 4), `lost` (N,) and scores (N,) of all frames."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes (N, 4) and `lost` (N,) of all frames."""
     tracker.init(frames[0], first.tolist())
     tracks = [tracker.update(frame) for frame in frames[1:]]
     boxes = np.array([first, *(track.box for track in tracks)])
     lost = np.array([False, *(track.lost for track in tracks)])
-    return boxes, lost, np.array([1.0, *(track.score for track in tracks)])
+    return boxes, lost
 
 
 def main() -> None:
@@ -151,15 +160,15 @@ def main() -> None:
     chosen = parser.parse_args()
     cv2.setNumThreads(1)
     cases = [gap for gap in gaps(chosen.insert) if chosen.only in gap.name]
-    print("| tracker | gaps | wrong | wrong for 5 frames | box moved in the gap | back | lost without gaps |")
-    print("|---" * 7 + "|")
+    print("| " + " | ".join(HEAD) + " |")
+    print("|---" * len(HEAD) + "|")
     for name in chosen.trackers.split(","):
         weights = WEIGHTS / name.replace("_", "") if name.startswith("nano") else None
         tracker = ssiam.load_tracker(name, weights=weights, stabilize=chosen.stabilize)
         wrong, long, moved, back, lost_plain, count_plain = 0, 0, 0, 0, 0, 0
         for gap in cases:
-            boxes, lost, scores = followed(tracker.another(), gap.shown, gap.truth[0])
-            plain_boxes, plain_lost, _ = followed(tracker.another(), gap.plain, gap.truth[0])
+            boxes, lost = followed(tracker.another(), gap.shown, gap.truth[0])
+            plain_boxes, plain_lost = followed(tracker.another(), gap.plain, gap.truth[0])
             lost_plain, count_plain = lost_plain + plain_lost.sum(), count_plain + len(plain_lost)
             overlap = iou(boxes, gap.truth)
             length = gap.end - gap.first
@@ -175,8 +184,9 @@ def main() -> None:
                 after = int(held[gap.end :].argmax()) if held[gap.end :].any() else "never"
                 print(
                     f"{name} {gap.name}: moved {away:.0f}, wrong {run} (without a gap on the "
-                    f"target in {on[gap.end :].sum()} of {on[gap.end :].size}), back after {after}"
-                , flush=True)
+                    f"target in {on[gap.end :].sum()} of {on[gap.end :].size}), back after {after}",
+                    flush=True,
+                )
         print(
             f"| {name} | {len(cases)} | {wrong} | {long} | {moved} | {back} "
             f"| {lost_plain} of {count_plain} |",

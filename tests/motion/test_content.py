@@ -2,6 +2,7 @@
 
 import csv
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -120,7 +121,7 @@ def test_what_shows_no_scene_has_no_vote(name, keypoints, coded):
     if name == "stabilized":
         truth = [np.eye(3)] * (COUNT - 1)
     else:
-        truth = [b @ np.linalg.inv(a) for a, b in zip(poses[:-1], poses[1:], strict=True)]
+        truth = [b @ np.linalg.inv(a) for a, b in pairwise(poses)]
     cut = [np.ascontiguousarray(frame[top:bottom, left:right]) for frame in shown]
     own = errors(motions(shown, keypoints), truth, content)
     least = errors(motions(cut, keypoints), truth, content, (left, top))
@@ -165,7 +166,7 @@ def test_bars_that_come_and_go_are_noticed():
     frames, poses = demo()
     form, _ = FORMS["9:16 in 16:9"]
     shown = [form(t, f) if 10 <= t < 25 else f for t, f in enumerate(frames)]
-    truth = [b @ np.linalg.inv(a) for a, b in zip(poses[:-1], poses[1:], strict=True)]
+    truth = [b @ np.linalg.inv(a) for a, b in pairwise(poses)]
     own = errors(motions(shown, "direct"), truth, (219, 0, 421, 360))
     steady = [t for t in range(COUNT - 1) if t not in (9, 24)]  # steps into and out of the bars
     assert np.nan_to_num(own[steady]).max() < 0.5

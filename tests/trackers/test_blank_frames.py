@@ -33,9 +33,7 @@ BLANK = {
     "black": np.zeros_like,
     "white": lambda frame: np.full_like(frame, 255),
     "gray": lambda frame: np.full_like(frame, 128),
-    "noise": lambda frame: (
-        np.random.default_rng(1).normal(100, 2, frame.shape).astype(np.uint8)
-    ),
+    "noise": lambda frame: np.random.default_rng(1).normal(100, 2, frame.shape).astype(np.uint8),
     "torn": torn,
 }
 

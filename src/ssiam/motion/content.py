@@ -102,10 +102,10 @@ class Content:
         plain = [_plain(line) for line in self._lines]
         active = any(bar.depth for bar in self._bars)
         self._resting -= 1
-        if not (active or any(plain)):
-            if self._resting >= 0 or not self._may_have_others(before):
-                self._small, self._stood, self.doubtful = None, 0, False
-                return False
+        resting = self._resting >= 0 or not self._may_have_others(before)
+        if resting and not active and not any(plain):
+            self._small, self._stood, self.doubtful = None, 0, False
+            return False
         compared = self._small is not None
         found = self._found(frame, plain)
         if found is None:

@@ -59,7 +59,9 @@ class PointMotion:
         if shows_nothing(cur_gray[::_SPARSE, ::_SPARSE].copy()):
             return Motion.none(self._size_wh)
         self._prev_gray = cur_gray
-        points = spread(self._generate(prev_gray, self._background(prev_gray, boxes)), self._size_wh)
+        points = spread(
+            self._generate(prev_gray, self._background(prev_gray, boxes)), self._size_wh
+        )
         prev_xy, cur_xy = follow(prev_gray, cur_gray, points)
         if len(prev_xy) < _MIN_POINTS:
             return Motion.none(self._size_wh)
@@ -76,7 +78,7 @@ class PointMotion:
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)
 
     def _background(self, gray: Image, boxes: NDArray[np.float64]) -> Image | None:
-        """Mask (H, W) uint8 that is 0 on the boxes and outside of the scene; None if all may vote."""
+        """Mask (H, W) uint8, 0 on the boxes and outside of the scene; None if all may vote."""
         scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
         small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
         outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))

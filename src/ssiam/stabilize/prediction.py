@@ -63,7 +63,8 @@ class Prediction:
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
-        self._before = IDENTITY, Motion.none((0, 0))
+        self._elapsed = 1  # frames since the target was seen
+        self._before: tuple[Transform, Motion] = IDENTITY, Motion.none((0, 0))
         self.move_to(xywh)
 
     def move_to(self, xywh: XYWH) -> None:
@@ -105,7 +106,8 @@ class Prediction:
             self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
             if not doubtful:
                 moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
-                self._speeds += (1 - config.smoothing) * (moved - self._speeds)
+                self._speeds += (1 - config.smoothing) * (moved / self._elapsed - self._speeds)
+        self._elapsed = 1
         self._take(xywh)
 
     def hold(self) -> XYWH:
@@ -115,6 +117,7 @@ class Prediction:
         Returns its box, raw-frame pixels.
         """
         self.stab_from_raw, motion = self._before
+        self._elapsed += 1
         if motion.reliable:
             self._centre = np.array(map_point(motion.cur_from_prev, *self._centre.tolist()))
             self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(motion.cur_from_prev)

@@ -1,8 +1,8 @@
 """`Sight`: whether a frame shows anything where a tracker would look.
 
-A black, white or torn frame tells nothing, but a network answers it all the same: its box wanders
-off, its size shrinks, and what it knows of the target and its score is overwritten. Such a frame is not
-shown to the tracker at all.
+A black, white or torn frame tells nothing, but a network answers it all the same: its box drifts,
+its size shrinks, and its statistics of the score are overwritten. Such a frame is not given to the
+tracker at all.
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def _flat(frame: Image, xywh: XYWH | None) -> bool:
         top, bottom = (int(np.clip(at, 0, height)) for at in (y - reach, y + h + reach))
         if right - left < _SAMPLES or bottom - top < _SAMPLES:
             return False  # hardly anything of it is in the frame
-    step_x, step_y = (max((b - a) // (_SAMPLES * _FINER), 1) for a, b in ((left, right), (top, bottom)))
+    step_x, step_y = (
+        max((b - a) // (_SAMPLES * _FINER), 1) for a, b in ((left, right), (top, bottom))
+    )
     seen = np.ascontiguousarray(frame[top:bottom:step_y, left:right:step_x])
     samples = cv2.resize(seen, (_SAMPLES, _SAMPLES), interpolation=cv2.INTER_AREA)
     down = np.ptp(samples, axis=0).max()  # 0 too where a decoder repeats a row

@@ -48,7 +48,7 @@ class Steadying:
     @property
     def sought_xywh(self) -> XYWH:
         """The box in that frame around which the tracker looks, raw-frame pixels."""
-        return map_box(np.linalg.inv(self._stab_from_raw), self._xywh)
+        return map_box(np.asarray(np.linalg.inv(self._stab_from_raw)), self._xywh)
 
     def hold(self) -> Track:
         """The target in that frame, which shows nothing: the tracker is not asked."""
