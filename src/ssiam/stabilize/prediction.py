@@ -124,6 +124,12 @@ class Prediction:
         (x, y), (w, h) = self._centre.tolist(), self._size_wh
         return x - w / 2, y - h / 2, w, h
 
+    @property
+    def travelled(self) -> tuple[float, float]:
+        """How far the target went in the scene since it was seen, if it kept its speed; pixels."""
+        x, y = (self._speeds[1] * (self._elapsed - 1)).tolist()
+        return x, y
+
     def _take(self, xywh: XYWH) -> None:
         self._centre, self._size_wh = _centre(xywh), xywh[2:]
         self._size = math.sqrt(xywh[2] * xywh[3])

@@ -12,8 +12,8 @@ _MEMORY: Final = 0.65  # weight of the past in the running score
 _LOST: Final = 0.2  # running score below which the target is lost
 _FOUND: Final = 0.35  # and above which it is found again
 _UNSEEN: Final = 0.35  # the same two numbers where frames showed nothing: what is seen after them
-_SURELY: Final = 0.5  # may be something else, and has to be sure
-_EASIER: Final = 0.01  # by which that falls in each frame, until it is `_FOUND` again
+_SURELY: Final = 0.6  # may be something else, and has to be sure
+_EASIER: Final = 0.004  # by which that falls in each frame, until it is `_FOUND` again
 
 # How far a target may be from where it was seen last, target sizes.
 _PLAY: Final = 0.7  # when it was hidden for a moment
