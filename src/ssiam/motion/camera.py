@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, check_frame, finite_array, shortened
+from ssiam.motion.content import Content
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.keypoints import GeneratorName, KeypointGenerator
@@ -40,7 +41,8 @@ class CameraMotion(CopiedWhole):
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
-    Memory and time per frame do not grow with the stream.
+    Memory and time per frame do not grow with the stream. Bars beside the scene (9:16 or 4:3 in
+    16:9, 2.35:1, of one color or blurred) are cut off first: the motion is that of the cut video.
 
     Parameters
     ----------
@@ -74,6 +76,7 @@ class CameraMotion(CopiedWhole):
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
         self._model: ModelName = check_choice("model", model, get_args(ModelName))
         self._size_wh: tuple[int, int] | None = None
+        self._content: Content | None = None
         self._estimator: _Estimator | None = None
 
     def update(
@@ -83,6 +86,9 @@ class CameraMotion(CopiedWhole):
         motion: Motion | ArrayLike | None = None,
     ) -> Motion:
         """Motion from the frame of the last call to this one.
+
+        Frames that show nothing (black, white, of one color) are passed over: their motion is not
+        reliable, and that of the frame after them is from the last one that showed something.
 
         Parameters
         ----------
@@ -104,18 +110,43 @@ class CameraMotion(CopiedWhole):
         """
         size_wh, boxes = check_frame(frame, self._size_wh), _boxes(exclude)
         known = None if motion is None else known_motion(motion, size_wh)
-        estimator = self._estimator or self._made(size_wh)
-        if known is None:
-            known = estimator.motion(frame, boxes)
-        else:
-            estimator.see(frame)
-        self._size_wh, self._estimator = size_wh, estimator
-        return known
+        if self._content is None:
+            content = Content(size_wh)
+            content.update(frame)
+            self._estimator = self._begun(content.area.of(frame))
+            self._size_wh, self._content = size_wh, content
+            return known or Motion.none(size_wh, reliable=True)
+        return self._between(self._content, frame, boxes, known)
 
-    def _made(self, size_wh: tuple[int, int]) -> _Estimator:
+    def _between(
+        self, content: Content, frame: Image, boxes: NDArray[np.float64], motion: Motion | None
+    ) -> Motion:
+        """The motion to `frame`, estimated in what shows the scene in both frames."""
+        estimator, area = self._estimator, content.area
+        assert estimator is not None
+        changed = content.update(frame)
+        if motion is None:
+            origin = area.left, area.top
+            found = estimator.motion(area.of(frame), boxes - 2 * origin)
+            motion = found.placed(origin, (frame.shape[1], frame.shape[0]))
+            if content.doubtful:
+                motion = Motion.none(motion.size_wh)
+        elif not changed:
+            estimator.see(area.of(frame))
+        if changed:
+            self._estimator = self._begun(content.area.of(frame))
+        return motion
+
+    def _begun(self, shown: Image) -> _Estimator:
+        """An estimator for frames of this size, of which it has seen this one."""
+        size_wh = shown.shape[1], shown.shape[0]
         if self._keypoints == "direct":
-            return DirectMotion(size_wh, self._model)
-        return PointMotion(size_wh, KeypointGenerator(self._keypoints), self._fit, self._model)
+            estimator: _Estimator = DirectMotion(size_wh, self._model)
+        else:
+            generate = KeypointGenerator(self._keypoints)
+            estimator = PointMotion(size_wh, generate, self._fit, self._model)
+        estimator.see(shown)
+        return estimator
 
 
 def _boxes(exclude: Any) -> NDArray[np.float64]:

@@ -112,6 +112,10 @@ class Grid:
             keep[keep < _LEAST] = 0
         return keep
 
+    def covered(self, mask: Image) -> Floats:
+        """Share (cells,) of each cell on which a mask (H, W) of 0 and 255 is set."""
+        return self.mean(self.samples([mask])[0]) / 255
+
     def mean(self, samples: Floats) -> Floats:
         """Mean (..., cells) over each cell of samples (..., samples, cells)."""
         mean: Floats = np.matmul(self._shares, samples)  # three times as fast as np.mean

@@ -10,12 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image
 from ssiam.motion.alignment import Aligned, Rules, align
 from ssiam.motion.cells import Floats, Grid, Template
+from ssiam.motion.content import flat_outside, shows_nothing, without_rim
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion, plausible
 from ssiam.motion.overlays import Overlays
@@ -33,6 +35,8 @@ _AGREES: Final = 0.5  # share of a cell's texture that is explained when it agre
 _TELLING: Final = 8  # cells that must agree
 _SPREAD: Final = 0.3  # units over which they must be spread
 _TINY: Final = 1e-3
+_LEFT: Final = 0.3  # share of the textured cells that must be left beside flat areas
+_TOUCHED: Final = 0.02  # share of a cell that the rim of a flat area may cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,8 @@ class _Seen:
     picture: Picture
     coarse: Template
     fine: Template
+    scene: Floats | None = None  # (cells,) of `fine`, 0 beside a flat area at the outline, else 1
+    coarse_scene: Floats | None = None  # the same of `coarse`
 
 
 class DirectMotion:
@@ -62,13 +68,20 @@ class DirectMotion:
             self._prev = self._seen(frame)
 
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
-        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out."""
+        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out.
+
+        Frames that show nothing are passed over: the motion to the one after them is that from
+        the last one that showed something.
+        """
         if self._too_small:
             return Motion.none(self._size_wh)
-        cur = self._seen(frame)
-        prev, self._prev = self._prev, cur
+        cur, prev = self._seen(frame), self._prev
         if prev is None:
+            self._prev = cur
             return Motion.none(self._size_wh, reliable=True)
+        if shows_nothing(cur.picture.coarse):
+            return Motion.none(self._size_wh)
+        self._prev = cur
         unit_boxes = self._scales.in_units(boxes)
         shown = self._overlays.background
         start = self._start.find(
@@ -76,8 +89,11 @@ class DirectMotion:
             (cur.picture, cur.coarse),
             unit_boxes,
             shown.reshape(self._grid.shape),
+            prev.coarse_scene,
         )
         keep = self._grid.background(unit_boxes) * shown
+        if prev.scene is not None:
+            keep *= prev.scene
         rules = _TOLD if len(boxes) else _UNTOLD
         aligned = align(prev.fine, cur.picture.fine, start, keep, rules)
         motion = self._judged(prev.fine, aligned, keep)
@@ -87,8 +103,27 @@ class DirectMotion:
 
     def _seen(self, frame: Image) -> _Seen:
         picture = self._scales.picture(frame)
+        fine = Template(picture.fine, self._grid)
+        outside = flat_outside(picture.fine)
+        if outside is None:
+            return _Seen(picture, self._start.template(picture.coarse), fine)
+        inside = without_rim(outside)
+        scene = self._grid.covered(inside) >= 1 - _TOUCHED
+        if (scene & fine.textured).sum() < _LEFT * fine.textured.sum():
+            return _Seen(picture, self._start.template(picture.coarse), fine)
+        filled = picture.fine.copy()
+        filled[outside > 0] = round(cv2.mean(filled, inside)[0])
+        picture = self._scales.pyramid(filled)
+        coarse_wh = self._scales.coarse_wh
+        coarse_inside = cv2.resize(inside, coarse_wh, interpolation=cv2.INTER_AREA)
         return _Seen(
-            picture, self._start.template(picture.coarse), Template(picture.fine, self._grid)
+            picture,
+            self._start.template(picture.coarse),
+            fine,
+            scene.astype(np.float32),
+            (
+                self._start.grid.covered(np.asarray(coarse_inside, dtype=np.uint8)) >= 1 - _TOUCHED
+            ).astype(np.float32),
         )
 
     def _judged(self, template: Template, aligned: Aligned, keep: Floats) -> Motion:

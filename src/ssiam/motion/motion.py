@@ -126,6 +126,17 @@ class Motion:
         camera = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
         return cls.given(camera @ rotation @ np.linalg.inv(camera), size_wh)
 
+    def placed(self, origin_xy: tuple[int, int], size_wh: tuple[int, int]) -> Motion:
+        """The same motion in frames of (width, height), in which these start at `origin_xy`."""
+        if size_wh == self.size_wh:
+            return self
+        there = np.eye(3)
+        there[:2, 2] = origin_xy
+        back = np.eye(3)
+        back[:2, 2] = np.negative(origin_xy)
+        cur_from_prev = there @ self.cur_from_prev @ back if self.reliable else IDENTITY
+        return Motion(cur_from_prev, self.inliers, self.reliable, size_wh)
+
     @property
     def shift_angle(self) -> tuple[float, float, float]:
         """(dx, dy, da) of eq. 4, taken at the image centre: pixels, pixels, radians."""

@@ -70,7 +70,11 @@ class Scales:
             gray = cv2.cvtColor(cv2.resize(frame, self.fine_wh), cv2.COLOR_BGR2GRAY)
         else:
             gray = cv2.resize(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), self.fine_wh)
-        fine = cv2.GaussianBlur(gray, (3, 3), 0)
+        return self.pyramid(np.asarray(cv2.GaussianBlur(gray, (3, 3), 0), dtype=np.uint8))
+
+    @staticmethod
+    def pyramid(fine: Image) -> Picture:
+        """The three pictures of the finest one."""
         coarse = cv2.pyrDown(cv2.pyrDown(fine))
         tiny = cv2.pyrDown(coarse)
-        return Picture(*(np.asarray(p, dtype=np.uint8) for p in (fine, coarse, tiny)))
+        return Picture(fine, *(np.asarray(p, dtype=np.uint8) for p in (coarse, tiny)))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image
+from ssiam.motion.content import flat_outside, shows_nothing, without_rim
 from ssiam.motion.fit import FitName, fit_motion
 from ssiam.motion.flow import follow
 from ssiam.motion.keypoints import KeypointGenerator, spread
@@ -18,6 +19,8 @@ from ssiam.motion.motion import Motion, plausible
 _MIN_POINTS: Final = 12  # agreeing pairs below which a fit proves nothing
 _MIN_SHARE: Final = 0.20  # of the pairs that must agree
 _TOLERANCE: Final = 1.5 / 640  # of the longer side, for agreeing pairs
+_LONGER_SIDE: Final = 320  # px of the small frame on which the scene's outline is found
+_SPARSE: Final = 8  # px between those that tell whether a frame shows anything
 _LEAST_TOLERANCE: Final = 1.0  # px
 
 
@@ -45,14 +48,20 @@ class PointMotion:
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
         """From the previous frame to this one; no point is taken from `boxes`.
 
-        These are (N, 4), low xy, high xy, pixels.
+        These are (N, 4), low xy, high xy, pixels. Frames that show nothing are passed over, as by
+        `DirectMotion`.
         """
         prev_gray = self._prev_gray
-        self.see(frame)
-        cur_gray = self._prev_gray
-        if prev_gray is None or cur_gray is None:
+        cur_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        if prev_gray is None:
+            self._prev_gray = cur_gray
             return Motion.none(self._size_wh, reliable=True)
-        points = spread(self._generate(prev_gray, self._background(boxes)), self._size_wh)
+        if shows_nothing(cur_gray[::_SPARSE, ::_SPARSE].copy()):
+            return Motion.none(self._size_wh)
+        self._prev_gray = cur_gray
+        points = spread(
+            self._generate(prev_gray, self._background(prev_gray, boxes)), self._size_wh
+        )
         prev_xy, cur_xy = follow(prev_gray, cur_gray, points)
         if len(prev_xy) < _MIN_POINTS:
             return Motion.none(self._size_wh)
@@ -68,12 +77,18 @@ class PointMotion:
         sure = agreed or self._fit == "least_squares"
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)
 
-    def _background(self, boxes: NDArray[np.float64]) -> Image | None:
-        """Mask (H, W) uint8 that is 0 on the boxes; None without boxes."""
-        if len(boxes) == 0:
+    def _background(self, gray: Image, boxes: NDArray[np.float64]) -> Image | None:
+        """Mask (H, W) uint8, 0 on the boxes and outside of the scene; None if all may vote."""
+        scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
+        small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
+        outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))
+        if outside is None and len(boxes) == 0:
             return None
-        width, height = self._size_wh
-        mask = np.full((height, width), 255, dtype=np.uint8)
+        if outside is None:
+            mask = np.full(gray.shape, 255, dtype=np.uint8)
+        else:
+            scene = cv2.resize(without_rim(outside), self._size_wh, interpolation=cv2.INTER_NEAREST)
+            mask = np.asarray(scene, dtype=np.uint8)
         for left, top, right, bottom in np.maximum(np.rint(boxes), 0).astype(int).tolist():
             mask[top:bottom, left:right] = 0
         return mask

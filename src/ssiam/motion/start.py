@@ -42,6 +42,7 @@ class CoarseStart:
         cur: tuple[Picture, Template],
         boxes: NDArray[np.float64],
         shown: Floats,
+        scene: Floats | None = None,
     ) -> Transform:
         """cur_from_prev in units.
 
@@ -57,12 +58,16 @@ class CoarseStart:
             Left out: low x, low y, high x, high y in units.
         shown : (rows, columns) float32
             0 where something is drawn over the picture, else 1; any grid over the picture.
+        scene : (cells,) float32, optional
+            0 for cells that do not show the scene, else 1.
         """
         (prev_picture, template), (cur_picture, cur_template) = prev, cur
         rules = _TOLD if len(boxes) else _UNTOLD
         shape = self.grid.shape
         overlays = cv2.resize(shown, shape[::-1], interpolation=cv2.INTER_AREA)
         keep = self.grid.background(boxes) * overlays.ravel()
+        if scene is not None:
+            keep *= scene
         counted = keep * template.textured
         counted /= max(float(counted.sum()), _TINY)
         tolerated = rules.tolerated(template.texture)

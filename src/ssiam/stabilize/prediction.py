@@ -62,10 +62,14 @@ class Prediction(CopiedWhole):
     def __init__(self, config: StabilizerConfig, xywh: XYWH) -> None:
         self._config = config
         self.stab_from_raw: Transform = IDENTITY
+        self._centre: Point
+        self._size_wh: tuple[float, float]
         # Running means, target sizes. At first the camera is believed: a shake can lose the target
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
+        self._elapsed = 1  # frames since the target was seen
+        self._before: tuple[Transform, Motion] = IDENTITY, Motion.none((0, 0))
         self.move_to(xywh)
 
     def move_to(self, xywh: XYWH) -> None:
@@ -79,6 +83,7 @@ class Prediction(CopiedWhole):
         `stab_from_raw` is then that frame's view.
         """
         self._reliable = motion.reliable
+        self._before = self.stab_from_raw, motion
         self._places = self._predicted(motion)
         chosen = self._choice()
         angle = _angle(self.stab_from_raw)
@@ -106,8 +111,30 @@ class Prediction(CopiedWhole):
             self._errors = keep * self._errors + (1 - keep) * np.minimum(off, _FARTHEST)
             if not doubtful:
                 moved = centre - self._places[[Hypothesis.STILL, Hypothesis.FIXED]]
-                self._speeds += (1 - config.smoothing) * (moved - self._speeds)
+                self._speeds += (1 - config.smoothing) * (moved / self._elapsed - self._speeds)
+        self._elapsed = 1
         self._take(xywh)
+
+    def hold(self) -> XYWH:
+        """The frame of the last `update` shows nothing of the target: keep everything as it was.
+
+        The target is taken to be fixed in the scene, and the view shows it where it was.
+        Returns its box, raw-frame pixels.
+        """
+        self.stab_from_raw, motion = self._before
+        self._elapsed += 1
+        if motion.reliable:
+            x, y = self._centre.tolist()
+            self._centre = np.array(map_point(motion.cur_from_prev, x, y))
+            self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(motion.cur_from_prev)
+        (x, y), (w, h) = self._centre.tolist(), self._size_wh
+        return x - w / 2, y - h / 2, w, h
+
+    @property
+    def travelled(self) -> tuple[float, float]:
+        """How far the target went in the scene since it was seen, if it kept its speed; pixels."""
+        x, y = (self._speeds[1] * (self._elapsed - 1)).tolist()
+        return x, y
 
     def _take(self, xywh: XYWH) -> None:
         self._centre, self._size_wh = _centre(xywh), xywh[2:]

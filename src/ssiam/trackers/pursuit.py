@@ -20,6 +20,7 @@ _LIKELY: Final = 0.25  # score from which the box is remembered as the target's 
 _ROUND: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
 _REACH: Final = (1.0, 4.0)  # target sizes: at first, and at most
 _GROWTH: Final = 0.1  # target sizes per frame
+_ELSEWHERE: Final = 0.7  # target sizes between two things that are not one
 _PATIENCE: Final = 25  # frames for which a target that seems lost is only followed
 
 
@@ -47,6 +48,7 @@ class Pursuit:
         self._held = xywh  # the same, as it was when the scene was last cut
         self._whereabouts = Whereabouts(xywh)
         self._seen_again = False
+        self._travelled: tuple[float, float] | None = None  # by the target in frames not seen, px
         self._astray = False  # whether the tracker was left elsewhere than its last box
 
     def expect(self, motion: Motion | None) -> XYWH:
@@ -65,11 +67,35 @@ class Pursuit:
             track, guess = self._sought(view)
         else:
             track = self._followed(view)
+            if self._travelled is not None and self._tracker.doubt is not None:
+                track = self._compared(view, track, self._travelled)
             guess = track.box
         self._judge(track, guess)
         if self._watch.lost:
             track = Track(guess, track.score, lost=True, evidence=track.evidence)
         return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
+
+    @property
+    def sought_xywh(self) -> XYWH:
+        """The box in that frame around which the tracker looks, raw-frame pixels."""
+        return self._expected
+
+    def hold(self) -> Track:
+        """The target in that frame, which shows nothing: the tracker is not asked.
+
+        Nothing is learnt, and the next frame is looked at where the target was.
+        """
+        if self._config.find:
+            self._watch.wait()
+        box = self._prediction.hold()
+        self._travelled = self._prediction.travelled
+        return Track(
+            box,
+            0.0,
+            self._watch.lost,
+            motion=self._motion,
+            stab_from_raw=self._prediction.stab_from_raw,
+        )
 
     @property
     def _searching(self) -> bool:
@@ -96,6 +122,23 @@ class Pursuit:
         second = self._seek(view, self._expected)
         self._astray = second.score <= first.score
         return first if self._astray else second
+
+    def _compared(self, view: FrameView, track: Track, travelled: tuple[float, float]) -> Track:
+        """What the tracker sees after a gap, compared with where a moving target would be by now.
+
+        If something like the target is in both places nobody knows which is it: the score is 0.
+        """
+        (x, y, w, h), size = self._expected, math.sqrt(track.box[2] * track.box[3])
+        if not self._watch.lost or math.hypot(*travelled) < _ELSEWHERE * size:
+            self._travelled = None
+            return track
+        other = self._seek(view, (x + travelled[0], y + travelled[1], w, h))
+        (u, v), (p, q) = track.box[:2], other.box[:2]
+        if math.hypot(u - p, v - q) < _ELSEWHERE * size or min(track.score, other.score) < _LIKELY:
+            self._astray = track.score >= other.score
+            return track if self._astray else other
+        self._astray = True
+        return replace(track, score=0.0)
 
     def _sought(self, view: FrameView) -> tuple[Track, XYWH]:
         """What the tracker sees where it was going, or else where a lost target may be.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ssiam.copying import NotPickled
 from ssiam.errors import ArgumentError
@@ -12,6 +13,7 @@ from ssiam.motion.motion import known_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.pursuit import Pursuit
+from ssiam.trackers.sight import Sight
 from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
@@ -76,11 +78,11 @@ class SteadiedTracker(NotPickled):
             The frame is not an image, or the box is empty, not finite or outside of it.
         """
         size_wh = check_frame(frame)
-        xywh, watch = check_box(box, size_wh), Watch()
+        xywh, watch, sight = check_box(box, size_wh), Watch(), Sight(frame)
         follower, camera = self._started(self._config, frame, xywh, watch)
         self._tracker.init(_unsteadied(frame, self._config), xywh)
         self._box = self._seen = xywh
-        self._size_wh, self._watch = size_wh, watch
+        self._size_wh, self._watch, self._sight = size_wh, watch, sight
         self._follower, self._camera = follower, camera
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
@@ -162,7 +164,13 @@ class SteadiedTracker(NotPickled):
     def look(self, frame: Image) -> Track:
         """The second half of an update: where the target is."""
         check_frame(frame, self._size_wh)
-        track = self._follower.look(frame)
+        follower = self._follower
+        if self._sight.shows(frame, follower.sought_xywh, lost=self._watch.lost):
+            track = follower.look(frame)
+        else:
+            track = follower.hold()
+        if track.lost:
+            track = replace(track, box=_beside(track.box, self._size_wh))
         self._seen = track.box
         self._box = self._expected or track.box
         return track
@@ -186,3 +194,10 @@ def _camera(config: StabilizerConfig) -> MotionAhead | None:
 
 def _unsteadied(frame: Image, config: StabilizerConfig) -> FrameView:
     return FrameView(frame, border=0 if config.stabilize == "off" else config.border)
+
+
+def _beside(xywh: XYWH, size_wh: tuple[int, int]) -> XYWH:
+    """The box, moved to where it touches the frame of (width, height) if it is off it."""
+    x, y, w, h = xywh
+    width, height = size_wh
+    return min(max(x, -w), float(width)), min(max(y, -h), float(height)), w, h

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform
+import numpy as np
+
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
@@ -33,6 +35,7 @@ class Steadying:
         self._stabilizer = Stabilizer(config)
         self._border = 0 if config.stabilize == "off" else config.border
         self._watch = watch
+        self._xywh = xywh  # where the tracker looks, steadied pixels
 
     def expect(self, motion: Motion | None) -> XYWH | None:
         """Take the motion to the next frame; where the target will be is not known."""
@@ -42,10 +45,24 @@ class Steadying:
         )
         return None
 
+    @property
+    def sought_xywh(self) -> XYWH:
+        """The box in that frame around which the tracker looks, raw-frame pixels."""
+        return map_box(np.asarray(np.linalg.inv(self._stab_from_raw)), self._xywh)
+
+    def hold(self) -> Track:
+        """The target in that frame, which shows nothing: the tracker is not asked."""
+        self._watch.wait()
+        track = Track(self.sought_xywh, 0.0, self._watch.lost)
+        if self._motion is None:
+            return track
+        return replace(track, motion=self._motion, stab_from_raw=self._stab_from_raw)
+
     def look(self, frame: Image) -> Track:
         """The target in that frame, raw-frame pixels."""
         view = FrameView(frame, self._stab_from_raw, self._border)
         track = self._tracker.track(view)
+        self._xywh = track.box
         self._watch.update(track.score)
         if self._motion is None:
             return replace(track, lost=self._watch.lost)

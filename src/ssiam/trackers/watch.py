@@ -11,6 +11,9 @@ from ssiam.motion import Motion
 _MEMORY: Final = 0.65  # weight of the past in the running score
 _LOST: Final = 0.2  # running score below which the target is lost
 _FOUND: Final = 0.35  # and above which it is found again
+_UNSEEN: Final = 0.35  # the same two numbers where frames showed nothing: what is seen after them
+_SURELY: Final = 0.6  # may be something else, and has to be sure
+_EASIER: Final = 0.004  # by which that falls in each frame, until it is `_FOUND` again
 
 # How far a target may be from where it was seen last, target sizes.
 _PLAY: Final = 0.7  # when it was hidden for a moment
@@ -32,16 +35,24 @@ class Watch:
         self.lost = False
         self.frames = 0
         self._running = 1.0
+        self._found = _FOUND
 
     def update(self, score: float) -> None:
         """Take the score 0..1 of one more frame."""
         self._running = _MEMORY * self._running + (1 - _MEMORY) * score
+        self._found = max(self._found - _EASIER, _FOUND)
         if self.lost:
             self.frames += 1
-            if self._running > _FOUND:
+            if self._running > self._found:
                 self.lost, self.frames = False, 0
         elif self._running < _LOST:
             self.lost = True
+
+    def wait(self) -> None:
+        """A frame shows nothing: the target is not seen, and nobody can look for it."""
+        self._running *= _MEMORY
+        if self._running < _UNSEEN:
+            self.lost, self._found = True, _SURELY
 
 
 class Whereabouts:

@@ -1,0 +1,158 @@
+"""Frames that show nothing: what is held, and what comes after them."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ssiam
+from ssiam.geometry import iou
+from ssiam.trackers.sight import Sight
+from ssiam.video import open_source
+from synthetic import world
+
+CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
+AT, AFTER = 20, 15  # frames before and after the gap
+
+
+@cache
+def demo():
+    frames = [f.image for f, _ in zip(open_source(str(CLIP)), range(AT + AFTER), strict=False)]
+    return frames, np.loadtxt(CLIP.with_suffix(".txt"), delimiter=",")
+
+
+def torn(frame, at=60):
+    """A decoder lost all rows below `at`, and repeats the last one."""
+    out = frame.copy()
+    out[at:] = frame[at]
+    return out
+
+
+BLANK = {
+    "black": np.zeros_like,
+    "white": lambda frame: np.full_like(frame, 255),
+    "gray": lambda frame: np.full_like(frame, 128),
+    "noise": lambda frame: np.random.default_rng(1).normal(100, 2, frame.shape).astype(np.uint8),
+    "torn": torn,
+}
+
+
+def spliced(kind, count):
+    """The clip with `count` blank frames after frame AT - 1, and true boxes."""
+    frames, truth = demo()
+    gap = [BLANK[kind](frames[AT - 1])] * count
+    shown = [*frames[:AT], *gap, *frames[AT:]]
+    boxes = np.insert(truth[: len(frames)], [AT] * count, truth[AT - 1], axis=0)
+    return shown, boxes
+
+
+def tracked(tracker, frames, box):
+    tracker.init(frames[0], box)
+    return [None, *(tracker.update(frame) for frame in frames[1:])]
+
+
+def loaded(name, shared, **options):
+    weights = shared("data/weights/" + name.replace("_", "")) if "nano" in name else None
+    return ssiam.load_tracker(name, weights=weights, **options)
+
+
+@pytest.mark.parametrize("count", [3, 10])
+@pytest.mark.parametrize("kind", BLANK)
+@pytest.mark.parametrize("name", ["lite", "nanotrack_v3", "kcf", "csrt"])
+def test_the_box_is_held_and_the_target_is_found_where_it_was(name, kind, count, shared):
+    if name in ("nanotrack_v3", "csrt") and (kind in ("gray", "noise") or count == 3):
+        pytest.skip("enough of it")
+    frames, truth = spliced(kind, count)
+    tracks = tracked(loaded(name, shared), frames, truth[0])
+    held = tracks[AT - 1].box
+    for track in tracks[AT : AT + count]:
+        assert track.box == pytest.approx(held, abs=1.0)
+        assert track.score == 0
+    assert tracks[AT + count - 1].lost
+    for t in range(AT + count, len(frames)):
+        assert tracks[t].lost or iou(tracks[t].box, truth[t]) > 0.3
+    if name in ("lite", "nanotrack_v3"):
+        assert not tracks[-1].lost
+        assert iou(tracks[-1].box, truth[-1]) > 0.5
+
+
+@pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
+@pytest.mark.parametrize("name", ["lite", "kcf"])
+def test_blank_frames_teach_nothing_however_it_is_steadied(name, stabilize, shared):
+    frames, truth = spliced("black", 6)
+    tracks = tracked(loaded(name, shared, stabilize=stabilize), frames, truth[0])
+    for track in tracks[AT : AT + 6]:
+        assert track.box == pytest.approx(tracks[AT - 1].box, abs=1e-6)
+    plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
+    for after, same in zip(tracks[AT + 6 :], plain[AT:], strict=True):
+        assert after.score == pytest.approx(same.score, abs=0.05)
+        assert after.box == pytest.approx(same.box, abs=1.0)
+
+
+def test_the_next_frame_given_ahead_changes_no_result(shared):
+    frames, truth = spliced("black", 4)
+    alone, ahead = loaded("kcf", shared), loaded("kcf", shared)
+    expected = tracked(alone, frames, truth[0])
+    ahead.init(frames[0], truth[0])
+    for t in range(1, len(frames)):
+        following = frames[t + 1] if t + 1 < len(frames) else None
+        assert ahead.update(frames[t], following=following).box == expected[t].box
+
+
+def test_a_lost_box_does_not_leave_the_frame(shared):
+    """The camera pans away from what it was for seconds."""
+    scene = world(3, (3000, 360))
+    tracker = loaded("kcf", shared)
+    tracker.init(scene[:, :640], (500, 150, 60, 60))
+    for t in range(1, 90):
+        left = 25 * t
+        track = tracker.update(np.ascontiguousarray(scene[:, left : left + 640]))
+        if track.lost:
+            x, y, w, h = track.box
+            assert -w <= x <= 640
+            assert -h <= y <= 360
+    assert track.lost
+
+
+BOX = (300.0, 150.0, 40.0, 50.0)
+
+
+@pytest.mark.parametrize("kind", BLANK)
+def test_what_shows_nothing_is_seen(kind):
+    frame = world()
+    sight = Sight(frame)
+    assert sight.shows(frame, BOX, lost=False)
+    blank = BLANK[kind](frame)
+    assert not sight.shows(blank, BOX, lost=False)
+    assert sight.shows(frame, BOX, lost=True)
+
+
+def test_a_frame_torn_beside_the_target_shows_it():
+    frame = world()
+    sight = Sight(frame)
+    assert sight.shows(torn(frame, 220), BOX, lost=False)
+
+
+def test_bars_and_skies_are_not_torn_frames():
+    frame = world()
+    frame[:140] = 255
+    sight = Sight(frame)
+    for _ in range(3):
+        assert sight.shows(frame, BOX, lost=False)
+
+
+def test_a_lost_target_beside_a_flat_sky_is_looked_for():
+    frame = world()
+    frame[:300, :400] = 200
+    sight = Sight(frame)
+    assert not sight.shows(frame, (100, 100, 40, 50), lost=False)
+    assert sight.shows(frame, (100, 100, 40, 50), lost=True)
+
+
+def test_a_picture_that_stays_torn_is_taken_as_it_is():
+    frame = world()
+    sight = Sight(frame)
+    shown = [sight.shows(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(40)]
+    assert not any(shown[:20])
+    assert shown[-1]
