@@ -86,8 +86,12 @@ def test_blank_frames_teach_nothing_however_it_is_steadied(name, stabilize, shar
         assert track.box == pytest.approx(tracks[AT - 1].box, abs=1e-6)
     plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
     for after, same in zip(tracks[AT + 6 :], plain[AT:], strict=True):
-        assert after.score == pytest.approx(same.score, abs=0.05)
-        assert after.box == pytest.approx(same.box, abs=1.0)
+        if stabilize == "predict":  # the view is chosen anew, so crops are not the same
+            assert iou(after.box, same.box) > 0.8
+            assert after.score == pytest.approx(same.score, abs=0.2)
+        else:
+            assert after.score == pytest.approx(same.score, abs=1e-6)
+            assert after.box == pytest.approx(same.box, abs=1e-6)
 
 
 def test_the_next_frame_given_ahead_changes_no_result(shared):

@@ -21,6 +21,8 @@ _PATIENCE: Final = 64  # frames, at most, before a depth that was wrong once is 
 
 # The outermost lines, in means of 8 pixels: what a bar can look like at all.
 _MEANS: Final = 8  # px
+_ALONG: Final = 16  # pixels of each line that are looked at first
+_NEARLY: Final = 24  # gray levels between them in a bar of one color, noise included
 _WAVY: Final = 12  # gray levels: the largest second difference of means in a blurred bar
 
 _FLAT: Final = 3  # gray levels by which a bar of one color differs from it, small frame
@@ -41,6 +43,7 @@ _ALIVE: Final = 0.1  # share of the content's outermost lines that changes
 _CONFIRMED: Final = 3  # frames in a row that show the same bars of a pattern
 
 _REST: Final = 15  # frames, at most, between two searches for blurred bars and patterns
+_PAUSE: Final = 6  # frames between two looks at whether there may be any
 
 _NOTHING: Final = 2.5  # gray levels, standard deviation of a frame that shows nothing
 
@@ -74,7 +77,7 @@ class Content:
     only differ from a scene by standing still while the content moves, after three frames. A side
     where something appears in what was taken for a bar gets it back at once, and has to show the
     same bar for longer before it counts again: twice as long each time, so that a flat sky
-    costs next to nothing.
+    costs next to nothing. Later in a video, blurred bars and patterns are only sought now and then.
 
     Attributes
     ----------
@@ -92,18 +95,27 @@ class Content:
         self._lines: list[_Gray] = []  # the outermost ones of the frame before
         self._small: _Gray | None = None  # the small frame before
         self._standing, self._stood = [0] * 4, 0  # bars with a pattern, frames they were seen
+        self._first = True
+        self._samples = _outline(size_wh)
         self._rest = self._resting = 0  # frames for which only bars of one color are sought
         self.area = Area(0, 0, width, height)
         self.doubtful = False
 
     def update(self, frame: Image) -> bool:
         """Take the next frame (H, W, 3) uint8; whether `area` is another from now on."""
+        active = any(bar.depth for bar in self._bars)
+        rows, columns = self._samples
+        samples = frame[rows, columns, 1]
+        likely = bool((samples.max(axis=1) - samples.min(axis=1)).min() <= _NEARLY)
+        self._resting -= 1
+        if self._resting > 0 and not active and not likely:
+            self._forget()
+            return False
         before, self._lines = self._lines, [_outermost(frame, side) for side in range(4)]
         plain = [_plain(line) for line in self._lines]
-        active = any(bar.depth for bar in self._bars)
-        self._resting -= 1
-        resting = self._resting >= 0 or not self._may_have_others(before)
-        if resting and not active and not any(plain):
+        others = self._resting <= 0 and self._may_have_others(before)
+        if not (active or any(plain) or others):
+            self._resting = max(self._resting, _PAUSE if before else 0)
             self._small, self._stood, self.doubtful = None, 0, False
             return False
         compared = self._small is not None
@@ -117,9 +129,13 @@ class Content:
         area = Area(left, top, width - right, height - bottom)
         changed, self.area = area != self.area, area
         if compared and not self._stood and not any(seen.depth for seen in found):
-            self._rest = min(2 * self._rest + 1, _REST)
+            self._rest = min(2 * max(self._rest, _PAUSE // 2) + 1, _REST)
             self._resting = self._rest
         return changed
+
+    def _forget(self) -> None:
+        """Compare the next frame with none."""
+        self._lines, self._small, self._stood, self.doubtful = [], None, 0, False
 
     def _may_have_others(self, before: list[_Gray]) -> bool:
         """Whether opposite sides look like blurred bars, or stand still."""
@@ -127,7 +143,8 @@ class Content:
         still = [
             bool(np.abs(now - past).max() <= _UNCHANGED)
             for now, past in zip(self._lines, before, strict=False)
-        ] or [True] * 4
+        ] or [self._first] * 4
+        self._first = False
         return any(all(smooth[axis::2]) or all(still[axis::2]) for axis in range(2))
 
     def _found(self, frame: Image, plain: list[bool]) -> list[_Seen] | None:
@@ -215,6 +232,14 @@ class _Bar:
             self._patience = min(2 * self._patience, _PATIENCE)
         self._frames = 0
         self.depth, self.small = seen
+
+
+def _outline(size_wh: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns (4, n) of pixels along the sides of a frame."""
+    width, height = size_wh
+    along_x, along_y = (np.linspace(0, n - 1, _ALONG).astype(np.intp) for n in (width, height))
+    low, right, bottom = (np.full(_ALONG, at) for at in (0, width - 1, height - 1))
+    return np.stack([along_y, low, along_y, bottom]), np.stack([low, along_x, right, along_x])
 
 
 def _outermost(frame: Image, side: int) -> _Gray:
