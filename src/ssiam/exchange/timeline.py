@@ -19,6 +19,8 @@ _HIGHEST_FPS = 1000
 class Timeline:
     """A constant frame rate, and each frame's number at it.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     fps : float or Fraction

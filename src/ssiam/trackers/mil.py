@@ -56,8 +56,8 @@ class RepeatableMil:
             for across, down in _PARTS
         ):
             raise ArgumentError(
-                f"tracker mil cannot start on a box of {w}x{h} pixels: draw it larger, "
-                "or choose another tracker"
+                f"mil cannot follow a box of {w}x{h} pixels: draw it larger, or take another "
+                "tracker"
             )
         # OpenCV's generator is one for each thread: that of a new one is nobody else's.
         with _ONE_AT_A_TIME, ThreadPoolExecutor(1) as thread:

@@ -38,6 +38,8 @@ class CommandError(SsiamError):
 class Health:
     """Whether a session's targets are still tracked.
 
+    Threads: a value; any number of threads may share it.
+
     Attributes
     ----------
     state : {"running", "stalled", "failed"}
