@@ -114,7 +114,10 @@ class DirectMotion:
         filled = picture.fine.copy()
         filled[outside > 0] = round(cv2.mean(filled, inside)[0])
         picture = self._scales.pyramid(filled)
-        coarse_inside = cv2.resize(inside, self._scales.coarse_wh, interpolation=cv2.INTER_AREA)
+        coarse_wh = self._scales.coarse_wh
+        coarse_inside = np.asarray(
+            cv2.resize(inside, coarse_wh, interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
         return _Seen(
             picture,
             self._start.template(picture.coarse),

@@ -131,7 +131,8 @@ class Prediction:
         return x, y
 
     def _take(self, xywh: XYWH) -> None:
-        self._centre, self._size_wh = _centre(xywh), xywh[2:]
+        self._centre: Point = _centre(xywh)
+        self._size_wh: tuple[float, float] = xywh[2:]
         self._size = math.sqrt(xywh[2] * xywh[3])
 
     def _predicted(self, motion: Motion) -> Point:
