@@ -63,6 +63,8 @@ class Prediction:
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
+        self._centre: Point = _centre(xywh)
+        self._size_wh: tuple[float, float] = xywh[2:]
         self._elapsed = 1  # frames since the target was seen
         self._before: tuple[Transform, Motion] = IDENTITY, Motion.none((0, 0))
         self.move_to(xywh)
@@ -131,8 +133,7 @@ class Prediction:
         return x, y
 
     def _take(self, xywh: XYWH) -> None:
-        self._centre: Point = _centre(xywh)
-        self._size_wh: tuple[float, float] = xywh[2:]
+        self._centre, self._size_wh = _centre(xywh), xywh[2:]
         self._size = math.sqrt(xywh[2] * xywh[3])
 
     def _predicted(self, motion: Motion) -> Point:
