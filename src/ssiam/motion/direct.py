@@ -115,15 +115,15 @@ class DirectMotion:
         filled[outside > 0] = round(cv2.mean(filled, inside)[0])
         picture = self._scales.pyramid(filled)
         coarse_wh = self._scales.coarse_wh
-        coarse_inside = cv2.resize(inside, coarse_wh, interpolation=cv2.INTER_AREA)
+        coarse_inside = np.asarray(
+            cv2.resize(inside, coarse_wh, interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
         return _Seen(
             picture,
             self._start.template(picture.coarse),
             fine,
             scene.astype(np.float32),
-            (
-                self._start.grid.covered(np.asarray(coarse_inside, dtype=np.uint8)) >= 1 - _TOUCHED
-            ).astype(np.float32),
+            (self._start.grid.covered(coarse_inside) >= 1 - _TOUCHED).astype(np.float32),
         )
 
     def _judged(self, template: Template, aligned: Aligned, keep: Floats) -> Motion:

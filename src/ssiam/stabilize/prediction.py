@@ -68,6 +68,8 @@ class Prediction(CopiedWhole):
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
         self._reliable = False
+        self._centre: Point = _centre(xywh)
+        self._size_wh: tuple[float, float] = xywh[2:]
         self._elapsed = 1  # frames since the target was seen
         self._before: tuple[Transform, Motion] = IDENTITY, Motion.none((0, 0))
         self.move_to(xywh)
