@@ -62,8 +62,6 @@ class Prediction(CopiedWhole):
     def __init__(self, config: StabilizerConfig, xywh: XYWH) -> None:
         self._config = config
         self.stab_from_raw: Transform = IDENTITY
-        self._centre: Point
-        self._size_wh: tuple[float, float]
         # Running means, target sizes. At first the camera is believed: a shake can lose the target
         # in one frame, a pan that follows it cannot.
         self._errors = np.array([_CAUTION, _CAUTION, 0.0, 0.0])
