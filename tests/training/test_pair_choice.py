@@ -65,6 +65,8 @@ def test_pairs_depend_on_seed_and_step_and_place_alone(tmp_path):
     late = made.batch(7, 4)
     fresh = PairSampler([source], seed=4).batch(7, 6)
     for name, value in vars(late).items():
+        if value is None:
+            continue
         np.testing.assert_array_equal(value, getattr(fresh, name)[:4], err_msg=name)
     assert (PairSampler([source], seed=5).batch(7, 4).search != late.search).any()
     assert (made.batch(8, 4).search != late.search).any()

@@ -10,6 +10,7 @@ from odd_clips import scratched
 
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
+from ssiam.video.images import read_pages
 
 
 def _tiff(path, numbers, extra=()):
@@ -102,3 +103,19 @@ def test_whole_files_have_none(tmp_path):
     with open_source(write_clip(tmp_path / "clip.mp4", 40)) as source:
         assert len(list(source)) == 40
     assert source.facts.undecoded == 0
+
+
+def test_a_file_that_is_cut_while_it_is_decoded_ends_nothing(tmp_path, monkeypatch):
+    """Another program writes it anew at that moment: a map of the file would end the process."""
+    path = tmp_path / "frame.png"
+    cv2.imwrite(str(path), np.random.default_rng(0).integers(0, 255, (400, 600, 3), np.uint8))
+    decode = cv2.imdecode
+
+    def cut_first(data, flags):
+        path.write_bytes(b"")
+        return decode(data, flags)
+
+    monkeypatch.setattr(cv2, "imdecode", cut_first)
+    ((shown, image),) = read_pages(path)
+    assert shown is None
+    assert image.shape == (400, 600, 3)

@@ -46,7 +46,7 @@ def page_count(path: Path) -> int:
 def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     """Seconds that each frame of an image file is shown (None: not told), and the frame.
 
-    Frames are (H, W) or (H, W, 3), BGR.
+    Frames are (H, W) or (H, W, 3), BGR. The file is read whole.
 
     Raises
     ------
@@ -55,8 +55,9 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     """
     try:
         count = page_count(path)
-        # Not `cv2.imread`, which fails on non-Latin paths under Windows.
-        data: NDArray[np.uint8] = np.asarray(np.memmap(path, dtype=np.uint8, mode="r"))
+        # Not `cv2.imread`, which fails on non-Latin paths under Windows. Nor a map of the file: where
+        # another program cuts it meanwhile, the system ends this process (SIGBUS).
+        data = np.fromfile(path, dtype=np.uint8)
         head = data[:32].tobytes()
         if head[:4] in _TIFF_MAGIC:
             yield from ((None, page) for page in _tiff(data, count))
