@@ -55,7 +55,7 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     """
     try:
         count = page_count(path)
-        # Not `cv2.imread`, which fails on non-Latin paths under Windows. Nor a map of the file: where
+        # Not `cv2.imread`, which fails on non-Latin paths under Windows. Nor a map of the file: if
         # another program cuts it meanwhile, the system ends this process (SIGBUS).
         data = np.fromfile(path, dtype=np.uint8)
         head = data[:32].tobytes()
