@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -160,3 +161,32 @@ def test_a_picture_that_stays_torn_is_taken_as_it_is():
     shown = [sight.shows(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(40)]
     assert not any(shown[:20])
     assert shown[-1]
+
+
+def _noise(frame, r):
+    return r.integers(0, 255, frame.shape, dtype=np.uint8)
+
+
+def _clouds(frame, r):
+    small = r.integers(0, 255, (24, 40, 3), dtype=np.uint8)
+    return cv2.resize(small, frame.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.mark.parametrize("garbage", [_noise, _clouds])
+@pytest.mark.parametrize("stabilize", ["paper", "predict"])
+def test_frames_of_garbage_move_the_box_no_further_than_the_scene(garbage, stabilize):
+    """They have texture, but neither the camera's motion nor the target is found in them."""
+    frames, truth = demo()
+    r = np.random.default_rng(0)
+    between = [garbage(frames[AT], r) for _ in range(3)]
+    tracker = ssiam.load_tracker("lite", stabilize=stabilize)
+    tracks = tracked(tracker, [*frames[:AT], *between, *frames[AT:]], truth[0])
+    for track in tracks[AT : AT + 3]:
+        assert track.score == 0
+        assert track.box == pytest.approx(tracks[AT - 1].box, abs=1e-6)
+    plain = tracked(ssiam.load_tracker("lite", stabilize=stabilize), frames, truth[0])
+    after = [
+        iou(np.array([a.box]), np.array([b.box]))[0]
+        for a, b in zip(tracks[AT + 3 :], plain[AT:], strict=True)
+    ]
+    assert min(after) > 0.5

@@ -76,6 +76,11 @@ class Pursuit:
         return replace(track, motion=self._motion, stab_from_raw=stab_from_raw)
 
     @property
+    def is_blind(self) -> bool:
+        """Whether the camera's motion to that frame is not known."""
+        return not self._motion.reliable
+
+    @property
     def sought_xywh(self) -> XYWH:
         """The box in that frame around which the tracker looks, raw-frame pixels."""
         return self._expected

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from typing import Final
 
 from ssiam.copying import NotPickled
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, CopyError
 from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
 from ssiam.motion import CameraMotion, Motion, MotionAhead
 from ssiam.motion.motion import known_motion
@@ -17,6 +20,9 @@ from ssiam.trackers.sight import Sight
 from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
+
+# Score up to which nothing of the target is seen in a frame whose motion is not known either.
+_FLAT: Final = 0.3
 
 
 class SteadiedTracker(NotPickled):
@@ -164,16 +170,32 @@ class SteadiedTracker(NotPickled):
     def look(self, frame: Image) -> Track:
         """The second half of an update: where the target is."""
         check_frame(frame, self._size_wh)
-        follower = self._follower
-        if self._sight.shows(frame, follower.sought_xywh, lost=self._watch.lost):
-            track = follower.look(frame)
+        if self._sight.shows(frame, self._follower.sought_xywh, lost=self._watch.lost):
+            track = self._looked(frame)
         else:
-            track = follower.hold()
+            track = self._follower.hold()
         if track.lost:
             track = replace(track, box=_beside(track.box, self._size_wh))
         self._seen = track.box
         self._box = self._expected or track.box
         return track
+
+    def _looked(self, frame: Image) -> Track:
+        """What is seen in a frame that shows something.
+
+        Where neither the camera's motion nor the target is found in it (noise, a torn picture,
+        another scene), it is taken for one that shows nothing, and what was done with it undone.
+        OpenCV's trackers, which cannot be copied, keep what they have made of it.
+        """
+        before = None
+        if self._follower.is_blind:
+            with suppress(CopyError):
+                before = copy.deepcopy((self._follower, self._tracker, self._watch))
+        track = self._follower.look(frame)
+        if before is None or track.score > _FLAT:
+            return track
+        self._follower, self._tracker, self._watch = before
+        return self._follower.hold()
 
     def _started(
         self, config: StabilizerConfig, frame: Image, xywh: XYWH, watch: Watch

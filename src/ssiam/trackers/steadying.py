@@ -46,6 +46,11 @@ class Steadying:
         return None
 
     @property
+    def is_blind(self) -> bool:
+        """Whether the camera's motion to that frame is not known."""
+        return self._motion is not None and not self._motion.reliable
+
+    @property
     def sought_xywh(self) -> XYWH:
         """The box in that frame around which the tracker looks, raw-frame pixels."""
         return map_box(np.asarray(np.linalg.inv(self._stab_from_raw)), self._xywh)
