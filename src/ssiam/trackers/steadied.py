@@ -21,8 +21,9 @@ from ssiam.trackers.steadying import Steadying
 from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
-# Score up to which nothing of the target is seen in a frame whose motion is not known either.
-_FLAT: Final = 0.3
+# Score up to which nothing of the target is seen in a frame whose motion is not known either. Noise
+# scores .08 at most; with .3 a target that a strong shake has moved is held where it was.
+_FLAT: Final = 0.1
 
 
 class SteadiedTracker(NotPickled):
