@@ -6,17 +6,21 @@ import errno
 import os
 import re
 import shutil
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
-from typing import IO, Any, TypeAlias
+from types import TracebackType
+from typing import IO, Any, TypeAlias, TypeVar
 
 from ssiam.errors import ArgumentError, SinkError
 
 NamedPath: TypeAlias = tuple[str, Path]
 """A file and its name in messages: an option ("--out") or what it is ("the source")."""
+
+Sink = TypeVar("Sink", bound="ClosedAtExit")
 
 _Identity: TypeAlias = tuple[object, ...]
 
@@ -205,6 +209,30 @@ class Part:
             if self._target is not None and self.file.stat().st_size:
                 return output_error(self.path, error, self.location)
         return output_error(self.path, error)
+
+
+class ClosedAtExit(ABC):
+    """A context manager that closes itself at the end, also after Ctrl-C or an exception."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish what is written; `SinkError` if that cannot be done. May be called twice."""
+
+    def __enter__(self: Sink) -> Sink:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if exc_type is None:
+            self.close()
+            return
+        # The exception on its way says more than what goes wrong because of it.
+        with suppress(SinkError):
+            self.close()
 
 
 def left_parts(path: Path) -> list[Path]:

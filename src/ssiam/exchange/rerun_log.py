@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 import cv2
 import numpy as np
 
 from ssiam.copying import NotCopied
-from ssiam.errors import ArgumentError, SinkError
+from ssiam.errors import ArgumentError
 from ssiam.exchange.rerun_stream import RerunStream
 from ssiam.geometry import Image
 from ssiam.motion import Motion
+from ssiam.outputs import ClosedAtExit
 from ssiam.trackers import Track
 
 _IMAGE: Final = "camera/image"
@@ -23,7 +22,7 @@ _BOXES: Final = "camera/targets"
 _OUTLINES: Final = "camera/outlines"
 
 
-class RerunLog(NotCopied):
+class RerunLog(NotCopied, ClosedAtExit):
     """Writes an .rrd file, which ``rerun FILE.rrd`` shows; a context manager.
 
     Threads: one thread at a time.
@@ -103,22 +102,6 @@ class RerunLog(NotCopied):
     def close(self) -> None:
         """Finish the file. May be called twice."""
         self._stream.close()
-
-    def __enter__(self) -> RerunLog:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if exc_type is None:
-            self.close()
-            return
-        # The exception on its way says more than what goes wrong because of it.
-        with suppress(SinkError):
-            self.close()
 
     def _log_image(self, image: Image) -> None:
         _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,7 @@ from ssiam.copying import NotCopied
 from ssiam.errors import MissingExtraError, SinkError
 from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
-from ssiam.outputs import check_output, replaced
+from ssiam.outputs import ClosedAtExit, check_output, replaced
 from ssiam.stabilize import CameraPath
 from ssiam.trackers import Track
 
@@ -27,7 +25,7 @@ _AXES = (
 )
 
 
-class PathPlot(NotCopied):
+class PathPlot(NotCopied, ClosedAtExit):
     """Collects the camera's motion while tracking, and draws it when closed.
 
     Threads: one thread at a time.
@@ -90,22 +88,6 @@ class PathPlot(NotCopied):
     def abandon(self) -> None:
         """Draw nothing."""
         self._rows = []
-
-    def __enter__(self) -> PathPlot:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if exc_type is None:
-            self.close()
-            return
-        # The exception on its way says more than what goes wrong because of it.
-        with suppress(SinkError):
-            self.close()
 
     def _draw(self, rows: NDArray[np.float64]) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg

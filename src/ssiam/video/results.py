@@ -7,11 +7,10 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 
 from ssiam.copying import NotCopied
 from ssiam.errors import SinkError
-from ssiam.outputs import Part, check_output
+from ssiam.outputs import ClosedAtExit, Part, check_output
 from ssiam.trackers import Track
 from ssiam.video.layouts import LAYOUTS, Layout, Row
 
@@ -75,7 +74,7 @@ def _layout_name(path: Path, layout: str | None) -> str:
     return layout
 
 
-class ResultSink(NotCopied):
+class ResultSink(NotCopied, ClosedAtExit):
     """Writes tracks as lines; a context manager. Made by `open_results`.
 
     Threads: one thread at a time.
@@ -140,22 +139,6 @@ class ResultSink(NotCopied):
             file.close()
             if self._is_empty:
                 file.discard()
-
-    def __enter__(self) -> ResultSink:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if exc_type is None:
-            self.close()
-            return
-        # The exception on its way says more than what goes wrong because of it.
-        with suppress(SinkError):
-            self.close()
 
 
 class _LineFile:

@@ -7,7 +7,6 @@ import math
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import cast
 
 import av
@@ -21,7 +20,7 @@ from av.video.stream import VideoStream
 from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
-from ssiam.outputs import Part
+from ssiam.outputs import ClosedAtExit, Part
 from ssiam.video.clock import Clock, as_rate
 from ssiam.video.sound import Sound, SoundCopy
 
@@ -57,7 +56,7 @@ _AVI_LONGEST = 60
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
 
-class VideoSink(NotCopied):
+class VideoSink(NotCopied, ClosedAtExit):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
 
     Threads: one thread at a time.
@@ -243,22 +242,6 @@ class VideoSink(NotCopied):
             if not self._failed:
                 self._failed = True
                 raise self._part.error(error) from error
-
-    def __enter__(self) -> VideoSink:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if exc_type is None:
-            self.close()
-            return
-        # The exception on its way says more than what goes wrong because of it.
-        with suppress(SinkError):
-            self.close()
 
 
 def _create(path: Path, muxer: str) -> OutputContainer:
