@@ -32,6 +32,7 @@ from ssiam.trackers.siamese import (
     crop_tensor,
     floor_overlap,
     moved,
+    sigmoid,
     smallest_size,
     state_at,
 )
@@ -142,7 +143,7 @@ class LiteTracker(CopiedWhole):
         scores, qualities, distances, mask_logits = self._networks.search(
             crop_tensor(crop), self._kernel
         )
-        score = _sigmoid(scores) * _sigmoid(qualities)
+        score = sigmoid(scores) * sigmoid(qualities)
         boxes = self._boxes(distances)
         boxes[:2] += self._off(last, side)[:, None] * zoom
         size = np.array(last.size_wh) * zoom
@@ -199,8 +200,3 @@ class LiteTracker(CopiedWhole):
         mask = pasted(logits - least, last.centre_xy, side, found.box, view.size_wh, margin)
         corners = turned_box(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)
-
-
-def _sigmoid(logits: Tensor) -> Floats:
-    """Probabilities (n * n,) of logits (1, 1, n, n)."""
-    return np.asarray((1 + np.tanh(logits.ravel().astype(np.float64) / 2)) / 2)

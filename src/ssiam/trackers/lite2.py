@@ -28,6 +28,7 @@ from ssiam.trackers.siamese import (
     cosine_window,
     crop_tensor,
     moved,
+    sigmoid,
     state_at,
 )
 from ssiam.trackers.track import Track
@@ -146,7 +147,7 @@ class Lite2Tracker:
         scores, qualities, distances = self._networks.responses(
             crop_tensor(crop), self._kernels, self._recent
         )
-        score = _sigmoid(scores) * _sigmoid(qualities)
+        score = sigmoid(scores) * sigmoid(qualities)
         boxes = self._boxes(distances)
         corner = crop_corner(last.centre_xy, side)
         boxes[:2] += (corner + side / 2 - last.centre_xy)[:, None] * zoom
@@ -202,8 +203,3 @@ class Lite2Tracker:
         return np.stack(
             [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
         )
-
-
-def _sigmoid(logits: Tensor) -> Floats:
-    """Probabilities (n * n,) of logits (1, 1, n, n)."""
-    return np.asarray((1 + np.tanh(logits.ravel().astype(np.float64) / 2)) / 2)

@@ -166,6 +166,11 @@ def foreground(score_maps: Tensor) -> Floats:
     return np.asarray(1 / (1 + np.exp(background - target)))
 
 
+def sigmoid(logits: Tensor) -> Floats:
+    """Probabilities (n * n,) of logits (1, 1, n, n)."""
+    return np.asarray((1 + np.tanh(logits.ravel().astype(np.float64) / 2)) / 2)
+
+
 def cosine_window(side: int) -> Floats:
     """Outer product of two Hanning windows, flattened: (side * side,)."""
     hanning = np.hanning(side)
