@@ -28,7 +28,7 @@ from ssiam.evaluation.success import success
 from ssiam.geometry import XYWH, Image
 from ssiam.runtime import Network, Tensor, load_network
 from ssiam.stabilize import FrameView, Method, StabilizerConfig
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.steadied import SteadiedTracker
 

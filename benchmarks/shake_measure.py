@@ -25,7 +25,8 @@ from ssiam.evaluation.success import success
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import METHODS, StabilizerConfig
-from ssiam.trackers import SteadiedTracker, Track
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "

@@ -21,7 +21,8 @@ from ssiam.errors import (
 )
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
-from ssiam.trackers import TRACKERS, SteadiedTracker, Track, TrackerGroup, load_tracker
+from ssiam.track import Track
+from ssiam.trackers import TRACKERS, SteadiedTracker, TrackerGroup, load_tracker
 
 __all__ = [
     "TRACKERS",

@@ -1,9 +1,9 @@
 """Inputs of the commands that several test files share; nothing writes into them."""
 
 import pytest
-from tracked_clip import write_clip
 
-from tiny import write_dataset
+from helpers.tiny_networks import write_dataset
+from helpers.tracked_clip import write_clip
 
 
 @pytest.fixture(scope="session")

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.cli import main
 from ssiam.trackers.opencv import OpenCvTracker
-from tiny import write_dataset
 
 
 @pytest.fixture(scope="module")

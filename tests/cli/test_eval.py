@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from eval_runs import dataset, results, run
+
+from helpers.eval_runs import dataset, results, run
 
 KEYS = {"accuracy", "robustness", "eao", "lost", "frames"}
 

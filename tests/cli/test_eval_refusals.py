@@ -1,8 +1,8 @@
 """What `ssiam eval` refuses: each in one line that names it."""
 
 import pytest
-from eval_runs import dataset, results, run
 
+from helpers.eval_runs import dataset, results, run
 from ssiam.evaluation.layouts import vot_path
 
 

@@ -9,9 +9,9 @@ import sys
 import pytest
 from websockets.sync.client import connect
 
+from helpers.synthetic import golden_video
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
-from synthetic import golden_video
 
 SECONDS = 30
 

@@ -10,19 +10,19 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from live_clients import Client, step_until
-from live_server import SECONDS
 
+from helpers.live_clients import Client, step_until
+from helpers.live_server import SECONDS
+from helpers.synthetic import golden_video
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
-from synthetic import golden_video
 
 EXPORTS = {"cvat.xml", "coco.json", "labelstudio.json", "got10k.zip"}
 FILES = {"video.mp4", "results.csv", "results.jsonl", *EXPORTS}
 # Runs the command with a tracker in trouble: argument 1 says in which.
 WITH_TROUBLE = """
 import sys
-import troubled
+from helpers import failing_trackers as troubled
 from ssiam.cli import choice, main
 trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
 choice.TrackerChoice.load = lambda self, config: troubled.troubled_tracker(trouble)

@@ -9,8 +9,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from tracked_clip import run
 
+from helpers.tracked_clip import run
 from ssiam.cli import main
 
 CONFIG = """\
@@ -130,7 +130,7 @@ def test_a_full_disk_keeps_the_older_workspace(folder):
 def test_a_full_disk_keeps_the_older_imported_weights(folder, monkeypatch):
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from networks import models
+    from helpers import network_models as models
 
     assert (
         main(["weights", "export", "siamfc", str(models.checkpoint("siamfc")), "--out", "o"]) == 0

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import cv2
 import pytest
-from tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
 
+from helpers.synthetic import world
+from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
 from ssiam.cli import main
-from synthetic import world
 
 TRACK = ("--box", box_of(BOX), "--tracker", "kcf")
 

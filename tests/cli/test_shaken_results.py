@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.cli import main
 from ssiam.datasets import Shake, open_dataset, shaken
 from ssiam.evaluation.layouts import otb_path, vot_path, write_boxes, write_vot
 from ssiam.evaluation.shaken_results import write_shake
 from ssiam.evaluation.trajectory import Status, Trajectory
-from tiny import write_dataset
 
 
 def perfect(dataset, out, shake):

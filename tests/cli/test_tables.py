@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.cli import main
-from tiny import write_dataset
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run
 
+from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run
 from ssiam.cli import main
 
 

@@ -9,9 +9,9 @@ import av
 import cv2
 import numpy as np
 import pytest
-from odd_clips import anamorphic, displayed_aspect, scratched, with_preview, with_sound
-from tracked_clip import rows_of
 
+from helpers.odd_clips import anamorphic, displayed_aspect, scratched, with_preview, with_sound
+from helpers.tracked_clip import rows_of
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
 

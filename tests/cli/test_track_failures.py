@@ -1,8 +1,8 @@
 """`ssiam track` where a tracker fails on the way: the rest is tracked, and exit code 3 says so."""
 
 import pytest
-from tracked_clip import BOX, COUNT, box_of, decoded, rows_of
 
+from helpers.tracked_clip import BOX, COUNT, box_of, decoded, rows_of
 from ssiam.cli import main
 from ssiam.motion import CameraMotion
 from ssiam.trackers.opencv import OpenCvTracker

@@ -7,9 +7,9 @@ import time
 
 import cv2
 import pytest
-from tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
 
-from synthetic import world
+from helpers.synthetic import world
+from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
 
 
 def test_a_truncated_video_is_tracked_as_far_as_it_goes(tmp_path):

@@ -1,8 +1,8 @@
 """What `ssiam track` refuses: each in one line that names it."""
 
 import pytest
-from tracked_clip import BOX, box_of, run
 
+from helpers.tracked_clip import BOX, box_of, run
 from ssiam.cli import main
 
 

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.cli import main
-from tiny import write_dataset
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ def cache(tmp_path, monkeypatch):
 def models():
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from networks import models
+    from helpers import network_models as models
 
     return models
 
@@ -65,7 +65,7 @@ def test_an_export_is_named_after_the_tracker(models, tmp_path, capsys):
 def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
     import cv2
 
-    from synthetic import golden_video
+    from helpers.synthetic import golden_video
 
     pytest.importorskip("onnxruntime")
     monkeypatch.setattr("ssiam.runtime.calibration._CROPS", 2)
@@ -105,7 +105,7 @@ def test_one_line_of_complaint(models, tmp_path, capsys, arguments, complaint):
 
 
 def test_a_network_without_a_tracker(models, tmp_path, capsys):
-    from networks.files import flat_state, saved
+    from helpers.network_files import flat_state, saved
 
     file = saved(tmp_path / "base.pth", flat_state("SiamMask_foolwood_base"))
     assert main(["weights", "import", str(file)]) == 2

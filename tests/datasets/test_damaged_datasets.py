@@ -6,8 +6,16 @@ import json
 import re
 
 import pytest
-from on_disk import boxes, write_got10k, write_lasot, write_otb, write_uav123, write_vot
-from refusals import answer
+
+from helpers.dataset_refusals import answer
+from helpers.datasets_on_disk import (
+    boxes,
+    write_got10k,
+    write_lasot,
+    write_otb,
+    write_uav123,
+    write_vot,
+)
 
 
 def _nothing(root):

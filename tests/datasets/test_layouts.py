@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from on_disk import (
+
+from helpers.datasets_on_disk import (
     boxes,
     frame_numbers,
     only,
@@ -16,7 +17,6 @@ from on_disk import (
     write_uav123,
     write_vot,
 )
-
 from ssiam.datasets import DatasetError, open_dataset
 from ssiam.datasets.lasot_split import TEST
 from ssiam.datasets.uav123_ranges import PARTS

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from on_disk import frame_numbers, write_images, write_mot, write_vot
-from refusals import answer
 
+from helpers.dataset_refusals import answer
+from helpers.datasets_on_disk import frame_numbers, write_images, write_mot, write_vot
 from ssiam.datasets import Shake, open_dataset, shaken
 
 # frame, id, x, y, w, h, flag, class, visibility

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 import pytest
-from on_disk import boxes, text, write_got10k, write_images, write_lasot, write_vot
-from refusals import answer
 
+from helpers.dataset_refusals import answer
+from helpers.datasets_on_disk import boxes, text, write_got10k, write_images, write_lasot, write_vot
 from ssiam.datasets import KINDS, DatasetError, UnknownSequenceError, open_dataset
 from ssiam.errors import ArgumentError
 

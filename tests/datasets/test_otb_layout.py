@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from on_disk import boxes, frame_numbers, only, text, write_otb
 
+from helpers.datasets_on_disk import boxes, frame_numbers, only, text, write_otb
 from ssiam.datasets import open_dataset
 
 # Name, images on disk, rows in the file, images that are used, and the first row's number.

@@ -8,8 +8,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from on_disk import boxes, number_in, picture, text, write_images, write_otb
 
+from helpers.datasets_on_disk import boxes, number_in, picture, text, write_images, write_otb
 from ssiam.datasets import DatasetError, Sequence, open_dataset, read_image
 from ssiam.errors import SourceError
 

@@ -9,8 +9,8 @@ import sys
 
 import numpy as np
 import pytest
-from shake_inputs import SIZE, STRENGTH
 
+from helpers.shake_inputs import SIZE, STRENGTH
 from ssiam.datasets import SHAKE_KINDS, Shake, camera_path
 from ssiam.errors import ArgumentError
 from ssiam.geometry import frame_centre, local_zoom, rigid_parameters

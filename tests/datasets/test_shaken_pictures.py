@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from on_disk import boxes, write_otb
-from shake_inputs import BLOB, SIZE, STRENGTH, blob_clip, sequence
 
+from helpers.datasets_on_disk import boxes, write_otb
+from helpers.shake_inputs import BLOB, SIZE, STRENGTH, blob_clip, sequence
 from ssiam.datasets import SHAKE_KINDS, Shake, open_dataset, shaken
 from ssiam.errors import FrameSizeError
 from ssiam.geometry import map_points

@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from on_disk import boxes, number_in, only, write_images, write_vot
 
+from helpers.datasets_on_disk import boxes, number_in, only, write_images, write_vot
 from ssiam.datasets import open_dataset
 
 VOT_FORMS = [

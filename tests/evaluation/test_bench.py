@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.bench import run_all, run_task, tasks
@@ -14,7 +15,6 @@ from ssiam.evaluation.entries import Entry, entries
 from ssiam.evaluation.layouts import read_vot
 from ssiam.evaluation.trajectory import Status
 from ssiam.stabilize import StabilizerConfig
-from tiny import write_dataset
 
 KCF = [Entry("kcf", StabilizerConfig("off")), Entry("kcf", StabilizerConfig("paper"))]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from any_regions import BOUNDS, POLYGONS
 from hypothesis import given, settings
 
+from helpers.any_regions import BOUNDS, POLYGONS
 from ssiam.evaluation.overlap import toolkit_overlap, vot_overlap
 
 

@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 import pytest
-from benched import bench, write_run, write_vot_year
 
+from helpers.benched import bench, write_run, write_vot_year
+from helpers.synthetic import generator, poses, seen, world
+from helpers.tiny_networks import write_dataset
 from ssiam.datasets import Sequence, open_dataset
 from ssiam.errors import MissingExtraError
 from ssiam.evaluation.differing import Differing, most_differing
@@ -13,8 +15,6 @@ from ssiam.evaluation.figures import figures
 from ssiam.evaluation.gathering import summarize
 from ssiam.evaluation.path_figure import camera_path
 from ssiam.stabilize import StabilizerConfig
-from synthetic import generator, poses, seen, world
-from tiny import write_dataset
 
 PAPER = StabilizerConfig("paper")
 

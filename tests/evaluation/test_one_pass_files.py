@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from runs import same, square
 
+from helpers.benchmark_runs import same, square
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.layouts import (
     got10k_path,

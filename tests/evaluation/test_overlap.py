@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from any_regions import BOUNDS, BOXES, POLYGONS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.any_regions import BOUNDS, BOXES, POLYGONS
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.overlap import centre_distance, toolkit_overlap, vot_overlap
 from ssiam.geometry import iou

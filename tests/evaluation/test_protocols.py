@@ -7,7 +7,7 @@ from ssiam.datasets import Sequence
 from ssiam.errors import SourceError
 from ssiam.evaluation.protocols import Clocked, run
 from ssiam.evaluation.trajectory import Status
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 SIZE = (60, 80, 3)
 TARGET = (20.0, 10.0, 12.0, 8.0)

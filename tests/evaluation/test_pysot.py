@@ -4,8 +4,8 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from runs import SIZE, golden_runs, square, tracked, trajectory
 
+from helpers.benchmark_runs import SIZE, golden_runs, square, tracked, trajectory
 from ssiam.datasets import Sequence, open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation import pysot

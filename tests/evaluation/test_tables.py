@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from benched import bench, write_run, write_vot_year
 
+from helpers.benched import bench, write_run, write_vot_year
+from helpers.tiny_networks import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.eao import INTERVALS, known_year
 from ssiam.evaluation.entries import Entry
@@ -18,7 +19,6 @@ from ssiam.evaluation.success import success
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
 from ssiam.evaluation.tracked import read_results
 from ssiam.stabilize import StabilizerConfig
-from tiny import write_dataset
 
 OFF, PAPER = (Entry("kcf", StabilizerConfig(method)) for method in ("off", "paper"))
 WIDE = Entry("kcf", StabilizerConfig("paper", thx1=80.0, thy1=40.0))

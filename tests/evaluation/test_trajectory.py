@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from runs import square, trajectory
 
+from helpers.benchmark_runs import square, trajectory
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.trajectory import Trajectory
 

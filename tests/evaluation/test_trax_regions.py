@@ -6,7 +6,7 @@ import pytest
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.overlap import toolkit_overlap
 from ssiam.geometry import map_points, rigid
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 trax = pytest.importorskip("trax")
 

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam.geometry import map_box
-from synthetic import generator, poses, seen, world
 
 trax = pytest.importorskip("trax")
 
@@ -24,7 +24,8 @@ import ctypes, os, subprocess
 from ssiam.evaluation.trax_channel import protocol_alone
 from ssiam.evaluation.trax_server import serve
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import SteadiedTracker, Track
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 class Chatty:
     def init(self, view, xywh):

@@ -4,6 +4,7 @@ import builtins
 
 import pytest
 
+from helpers.tiny_networks import write_dataset
 from ssiam.cli import main
 from ssiam.errors import MissingExtraError, SsiamError
 from ssiam.evaluation import tuning
@@ -12,7 +13,6 @@ from ssiam.evaluation.parameters import Parameter
 from ssiam.evaluation.study import TuningError
 from ssiam.evaluation.tuning import Search, Tried, tune
 from ssiam.stabilize import StabilizerConfig
-from tiny import write_dataset
 
 SEARCHED = tuple(map(Parameter.parse, ("thx2=2:40", "tha=0.01:0.5", "keypoints=gftt,orb")))
 

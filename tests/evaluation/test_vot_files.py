@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from runs import same, square, trajectory
 
+from helpers.benchmark_runs import same, square, trajectory
 from ssiam.errors import SinkError
 from ssiam.evaluation.layouts import read_vot, repetitions, vot_path, write_vot
 from ssiam.evaluation.lines import ResultsError

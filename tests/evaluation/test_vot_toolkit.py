@@ -4,8 +4,8 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from runs import SIZE, square, tracked
 
+from helpers.benchmark_runs import SIZE, square, tracked
 from ssiam.datasets import Sequence
 from ssiam.evaluation import vot_toolkit
 from ssiam.evaluation.eao import Interval

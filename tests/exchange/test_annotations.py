@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from written_results import CORNERS, FPS, SIZE, TRACKS, csv_of, written
 
+from helpers.written_results import CORNERS, FPS, SIZE, TRACKS, csv_of, written
 from ssiam.errors import ArgumentError
 from ssiam.exchange import Annotation, Annotations, read_annotations
 from ssiam.exchange.annotations import annotation_of
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.jsonl"])

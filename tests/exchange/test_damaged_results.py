@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from written_results import FPS, SIZE, TRACKS, csv_of, written
 
+from helpers.written_results import FPS, SIZE, TRACKS, csv_of, written
 from ssiam.exchange import AnnotationsError, read_annotations
 
 CSV_DAMAGES = [

@@ -10,7 +10,7 @@ import pytest
 from ssiam.errors import ArgumentError, MissingExtraError
 from ssiam.exchange import to_detections
 from ssiam.exchange.detections import detection_fields
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 CORNERS = np.array([[20.0, 10.0], [40.0, 20.0], [35.0, 30.0], [15.0, 20.0]])
 MASK = np.zeros((60, 80), bool)

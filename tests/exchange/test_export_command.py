@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 from zipfile import ZipFile
 
 import pytest
-from clips import write_clip
 
+from helpers.video_clips import write_clip
 from ssiam.cli import main
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import open_results
 
 FRAMES = [Track((10.0 + i, 20.0, 30.0, 40.0), 0.9, lost=i == 1) for i in range(3)]

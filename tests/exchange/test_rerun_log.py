@@ -14,7 +14,7 @@ from ssiam.errors import ArgumentError, MissingExtraError, SinkError
 from ssiam.exchange import RerunLog
 from ssiam.geometry import corners_from_xywh, rigid
 from ssiam.motion import Motion
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'ssiam[rerun]'")
 

@@ -3,10 +3,10 @@ import time
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam import CameraMotion, FrameSizeError
 from ssiam.geometry import rigid
 from ssiam.motion import MotionAhead
-from synthetic import generator, poses, seen, world
 
 SIZE = (320, 240)
 BOX = (100.0, 80.0, 40.0, 40.0)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam import CameraMotion, FrameSizeError, Motion
 from ssiam.geometry import map_points, rigid
-from synthetic import generator, poses, seen, world
 
 SIZE = (640, 360)
 CORNERS = np.array([[0, 0], [640, 0], [640, 360], [0, 360]])

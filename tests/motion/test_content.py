@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import generator, world
 from ssiam.geometry import map_points, rigid
 from ssiam.motion.content import Content
 from ssiam.video import open_source
-from synthetic import generator, world
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
 COUNT = 40

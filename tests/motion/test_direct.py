@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.synthetic import generator, poses, world
 from ssiam import CameraMotion
 from ssiam.geometry import frame_centre, map_points, rigid
-from synthetic import generator, poses, world
 
 SIZE = (640, 360)
 SCENE = world(3, (960, 540))

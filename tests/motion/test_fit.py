@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.synthetic import generator
 from ssiam.geometry import map_points, rigid
 from ssiam.motion.fit import fit_motion
-from synthetic import generator
 
 
 def pairs(cur_from_prev, count=120, moving=0.0, noise=0.0, seed=1):

@@ -3,7 +3,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from networks.files import flat_state, saved  # noqa: E402
+from helpers.network_files import flat_state, saved  # noqa: E402
 from ssiam.networks import read_checkpoint  # noqa: E402
 
 ALEX = "siamrpn_alex_dwxcorr"

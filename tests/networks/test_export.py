@@ -8,7 +8,8 @@ import pytest
 torch = pytest.importorskip("torch")
 onnx = pytest.importorskip("onnx")
 
-from networks.models import checkpoint, exported  # noqa: E402
+from helpers.network_models import checkpoint, exported  # noqa: E402
+from helpers.synthetic import golden_video  # noqa: E402
 from ssiam.errors import (  # noqa: E402
     ArgumentError,
     MissingExtraError,
@@ -22,7 +23,6 @@ from ssiam.runtime.files import sha256  # noqa: E402
 from ssiam.runtime.pieces import load_pieces  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.siamese import crop_tensor  # noqa: E402
-from synthetic import golden_video  # noqa: E402
 
 ALEX = "siamrpn_alex_dwxcorr"
 

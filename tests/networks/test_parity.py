@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from networks.rule_weights import GOLDEN, crop
+from helpers.rule_weights import GOLDEN, crop
 
 torch = pytest.importorskip("torch")
 
-from networks.files import rule_state, saved  # noqa: E402
+from helpers.network_files import rule_state, saved  # noqa: E402
 from ssiam.networks import inference_graphs, read_checkpoint  # noqa: E402
 from ssiam.networks.checkpoints import load_weights  # noqa: E402
 from ssiam.trackers.mask_windows import refinement_windows  # noqa: E402

@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from networks.models import exported
-from networks.rule_weights import crop
+from helpers.network_models import exported
+from helpers.rule_weights import crop
 from ssiam.errors import WeightsError
 from ssiam.runtime import Running, pieces
 from ssiam.runtime.openvino import CORE

@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("torch")
 
-from networks.models import SLOW, checkpoint
+from helpers.network_models import SLOW, checkpoint
+from helpers.synthetic import golden_video
+from helpers.tracker_loops import chosen_indices, corner_distance
 from ssiam import FrameView
 from ssiam.runtime import Running
 from ssiam.trackers.loading import siamese_tracker
-from synthetic import golden_video
-from trackers.loops import chosen_indices, corner_distance
 
 FRAMES = 12  # of the golden loops
 UNSURE = 1e-4  # margin below which another candidate may win

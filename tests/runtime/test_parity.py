@@ -6,13 +6,13 @@ With the environment variable SSIAM_SLOW the second SiamMask is exported as well
 import numpy as np
 import pytest
 
-from networks.rule_weights import GOLDEN, crop
+from helpers.rule_weights import GOLDEN, crop
 from ssiam.runtime import Running
 
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from networks.models import NETWORKS, SLOW, checkpoint, exported, folder
+from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder
 from ssiam.runtime.export import distance
 from ssiam.runtime.pieces import load_pieces
 from ssiam.trackers.mask_windows import refinement_windows

@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from networks.models import checkpoint  # noqa: E402
+from helpers.network_models import checkpoint  # noqa: E402
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.runtime.pieces import load_pieces  # noqa: E402

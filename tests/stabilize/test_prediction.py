@@ -6,10 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssiam import Motion, StabilizerConfig
-from ssiam.geometry import frame_centre, map_box, map_points, rigid, rigid_parameters
-from ssiam.stabilize import Prediction
-from stabilize.walks import (
+from helpers.camera_walks import (
     BOX,
     SIZE,
     STEP,
@@ -22,6 +19,9 @@ from stabilize.walks import (
     shaken,
     walking,
 )
+from ssiam import Motion, StabilizerConfig
+from ssiam.geometry import frame_centre, map_box, map_points, rigid, rigid_parameters
+from ssiam.stabilize import Prediction
 
 CONFIG = StabilizerConfig()
 SWITCHES = ["choose", "speed", "turn", "trust"]

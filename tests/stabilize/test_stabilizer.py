@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, poses
 from ssiam import Motion, Stabilizer, StabilizerConfig
 from ssiam.geometry import frame_centre, map_box, map_points, rigid_parameters
 from ssiam.stabilize import CameraPath
-from synthetic import generator, poses
 
 SIZE = (640, 360)
 CENTRE = frame_centre(SIZE)

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.synthetic import golden_video, world
 from ssiam import FrameView
 from ssiam.geometry import map_points, rigid
-from synthetic import golden_video, world
 
 
 def test_unsteadied_crop_is_the_reference_bit_for_bit(golden):

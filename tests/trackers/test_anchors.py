@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from helpers.stub_networks import fixed_maps
 from ssiam.trackers.anchors import anchor_boxes, cell_of, decode, response_side
 from ssiam.trackers.siamese import foreground
-from trackers.stub_networks import fixed_maps
 
 
 @pytest.mark.parametrize(("instance", "base", "side"), [(255, 8, 25), (287, 0, 21), (831, 8, 97)])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from helpers.synthetic import seen, world
 from ssiam import FrameView
 from ssiam.geometry import frame_centre, map_box, rigid
 from ssiam.trackers.appearance import Appearance
-from synthetic import seen, world
 
 SIZE = (640, 360)
 BOXES = [

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import world
 from ssiam.geometry import iou
 from ssiam.trackers.sight import Sight
 from ssiam.video import open_source
-from synthetic import world
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
 AT, AFTER = 20, 15  # frames before and after the gap

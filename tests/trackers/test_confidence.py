@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.synthetic import generator
 from ssiam.trackers import nanotrack, opencv
 from ssiam.trackers.confidence import Confidence, Usual, look
-from synthetic import generator
 
 NUMBERS = st.floats(-1e300, 1e300)
 MODEL = Confidence((0.5, 20.0), -1.0)

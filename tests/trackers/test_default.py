@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import golden_video
 from ssiam.errors import ArgumentError, WeightsError
 from ssiam.geometry import iou
 from ssiam.trackers.lite import SHIPPED
-from synthetic import golden_video
 
 MOST_BYTES = 12_000_000
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import generator, poses, seen, world
 from ssiam import Motion
 from ssiam.geometry import rigid
-from ssiam.trackers import SteadiedTracker, Track
-from synthetic import generator, poses, seen, world
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 SIZE = (320, 240)
 BOXES = [(130.0, 90.0, 40.0, 50.0), (40.0, 40.0, 36.0, 30.0), (240.0, 150.0, 30.0, 40.0)]

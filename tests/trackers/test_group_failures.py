@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from troubled import every_tenth, troubled_tracker
 
 import ssiam
+from helpers.failing_trackers import every_tenth, troubled_tracker
+from helpers.synthetic import golden_video
 from ssiam.errors import FrameSizeError
 from ssiam.motion import CameraMotion
-from synthetic import golden_video
 
 OTHER = (20.0, 30.0, 40.0, 40.0)
 

@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.stub_networks import Stub, marked
+from helpers.tracker_loops import BOX, LoopTests, moving, picture
 from ssiam import FrameView
 from ssiam.geometry import rigid
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
 from ssiam.trackers.lite_mask import pasted
-from trackers.loops import BOX, LoopTests, moving, picture
-from trackers.stub_networks import Stub, marked
 
 
 def seeing_search():

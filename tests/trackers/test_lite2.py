@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.stub_networks import Stub, marked
+from helpers.tracker_loops import BOX, LoopTests, moving
 from ssiam import FrameView
 from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker, Memory
-from trackers.loops import BOX, LoopTests, moving
-from trackers.stub_networks import Stub, marked
 
 
 def seeing_search(elsewhere=0.0):

@@ -12,10 +12,10 @@ from ssiam.runtime import PUBLISHED, Running
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from networks.files import flat_state, saved  # noqa: E402
-from networks.models import NETWORKS, SLOW, checkpoint, exported, folder  # noqa: E402
+from helpers.network_files import flat_state, saved  # noqa: E402
+from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder  # noqa: E402
+from helpers.synthetic import golden_video  # noqa: E402
 from ssiam.runtime import pieces  # noqa: E402
-from synthetic import golden_video  # noqa: E402
 
 ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_r50_l3"
 

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator
+from helpers.tracker_loops import corner_distance, of_this_opencv
 from ssiam.trackers.mask_boxes import ellipse_box, rectangle_box
 from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
-from synthetic import generator
-from trackers.loops import corner_distance, of_this_opencv
 
 SIZE = (320, 240)
 NAMES = [

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import world
 from ssiam.video import open_source
-from synthetic import world
 
 BOX = (53.2, 114.1, 26.5, 66.4)
 

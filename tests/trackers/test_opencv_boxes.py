@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import generator
 from ssiam.errors import ArgumentError, SsiamError, TrackingError
 from ssiam.trackers import opencv
-from synthetic import generator
 
 SIZE = (640, 360)
 THIN = {

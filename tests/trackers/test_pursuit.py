@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from ssiam.geometry import corners_from_xywh, map_box, rigid
-from ssiam.trackers import SteadiedTracker, Track
-from trackers.scenes import (
+from helpers.tracker_scenes import (
     COVERED,
     ELSEWHERE,
     OPEN,
@@ -23,6 +21,9 @@ from trackers.scenes import (
     target_in,
     textured,
 )
+from ssiam.geometry import corners_from_xywh, map_box, rigid
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 COUNT, HIDDEN = 110, range(40, 70)
 CONFIG = ssiam.StabilizerConfig()

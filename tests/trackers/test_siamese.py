@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, golden_video, world
 from ssiam import FrameView
 from ssiam.geometry import map_points, rigid
 from ssiam.trackers.siamese import (
@@ -13,7 +14,6 @@ from ssiam.trackers.siamese import (
     cosine_window,
     moved,
 )
-from synthetic import generator, golden_video, world
 
 SIDE, SEARCH = 25, 255
 SIAMRPN = SearchParameters(penalty_k=0.05, window_influence=0.42, lr=0.38)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from helpers.stub_networks import Stub, fixed_responses, seeing_responses
+from helpers.synthetic import golden_video
+from helpers.tracker_loops import LoopTests, assert_crops, crop_sides, sha256
 from ssiam import FrameView
 from ssiam.geometry import frame_centre, rigid
 from ssiam.trackers.crops import siamfc_crop
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
-from synthetic import golden_video
-from trackers.loops import LoopTests, assert_crops, crop_sides, sha256
-from trackers.stub_networks import Stub, fixed_responses, seeing_responses
 
 
 def whole(t, crop):

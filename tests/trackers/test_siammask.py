@@ -6,11 +6,16 @@ import cv2
 import numpy as np
 import pytest
 
-from ssiam import FrameView
-from ssiam.geometry import corners_from_xywh, map_points, rigid
-from ssiam.trackers.siammask import PARAMETERS, SiamMask, SiamMaskNetworks
-from synthetic import golden_video
-from trackers.loops import (
+from helpers.stub_networks import (
+    Stub,
+    fixed_features,
+    fixed_refinement,
+    kernels,
+    seeing_features,
+    seeing_refinement,
+)
+from helpers.synthetic import golden_video
+from helpers.tracker_loops import (
     BOX,
     SIZE,
     STEADYINGS,
@@ -23,14 +28,9 @@ from trackers.loops import (
     picture,
     polygon_tolerance,
 )
-from trackers.stub_networks import (
-    Stub,
-    fixed_features,
-    fixed_refinement,
-    kernels,
-    seeing_features,
-    seeing_refinement,
-)
+from ssiam import FrameView
+from ssiam.geometry import corners_from_xywh, map_points, rigid
+from ssiam.trackers.siammask import PARAMETERS, SiamMask, SiamMaskNetworks
 
 LOOPS = {
     "siammask_r50_l3": "siammask_r50_l3",

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers.stub_networks import Stub, fixed_maps, kernels, seeing_maps
+from helpers.synthetic import golden_video
+from helpers.tracker_loops import LoopTests, assert_crops, chosen_indices, crop_sides, sha256
 from ssiam import FrameView
 from ssiam.trackers import siammask
 from ssiam.trackers.crops import siammask_crop
 from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
-from synthetic import golden_video
-from trackers.loops import LoopTests, assert_crops, chosen_indices, crop_sides, sha256
-from trackers.stub_networks import Stub, fixed_maps, kernels, seeing_maps
 
 # foolwood/SiamMask without its mask: one of its loops for upright boxes.
 LOOPS = {

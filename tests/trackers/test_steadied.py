@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import generator, poses, seen, world
 from ssiam import Motion
 from ssiam.geometry import map_box, map_points
-from ssiam.trackers import SteadiedTracker, Track
-from synthetic import generator, poses, seen, world
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 SIZE = (640, 360)
 BOX = (300.0, 150.0, 40.0, 50.0)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import generator, poses, seen, world
 from ssiam import StabilizerConfig
 from ssiam.geometry import iou, map_box
-from ssiam.trackers import SteadiedTracker, Track
-from synthetic import generator, poses, seen, world
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker
 
 SIZE = (320, 240)
 BOX = (130.0, 90.0, 40.0, 50.0)

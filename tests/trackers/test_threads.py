@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.synthetic import golden_video
 from ssiam.runtime import pieces
 from ssiam.video import open_source
-from synthetic import golden_video
 
 THREADS = 4
 WAIT = 300  # seconds, after which a thread that never comes is a failure
@@ -148,7 +148,7 @@ def test_nanotrack(monkeypatch, shared, frames, runtime, version):
 def test_the_papers_trackers(monkeypatch, runtime, golden, name, count):
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from networks.models import SLOW, checkpoint, exported, folder
+    from helpers.network_models import SLOW, checkpoint, exported, folder
 
     if not SLOW and (golden == R50 or (golden, runtime) == (MASK, "onnxruntime")):
         pytest.skip("takes half a minute: set SSIAM_SLOW")
@@ -162,7 +162,7 @@ def test_the_papers_trackers(monkeypatch, runtime, golden, name, count):
 def test_networks_whose_weights_are_held_once(monkeypatch):
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from networks.models import exported, folder
+    from helpers.network_models import exported, folder
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder() / "cache"))
     monkeypatch.setattr(pieces, "_WORTH_SHARING", 1_000_000)

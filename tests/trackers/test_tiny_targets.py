@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import ssiam
+from helpers.stub_networks import MARKER, Stub, kernels, seeing_maps
+from helpers.synthetic import generator
 from ssiam import FrameView
 from ssiam.geometry import iou
 from ssiam.trackers.lite_mask import PastedMask, turned_box
 from ssiam.trackers.siamese import TargetState, floor_overlap, smallest_size
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
-from synthetic import generator
-from trackers.stub_networks import MARKER, Stub, kernels, seeing_maps
 
 
 def drawn(side, shake, count=16):

@@ -4,7 +4,8 @@ import logging
 
 import numpy as np
 import pytest
-from sets_on_disk import (
+
+from helpers.sets_on_disk import (
     BOX,
     OTHER,
     SIZE_WH,
@@ -15,7 +16,6 @@ from sets_on_disk import (
     write_image,
     write_voc,
 )
-
 from ssiam.datasets import DatasetError
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sets_on_disk import scene
 
+from helpers.sets_on_disk import scene
 from ssiam.training.crops import Window, crop_mask, crop_picture, mask_cells, window_around
 
 

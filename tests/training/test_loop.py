@@ -13,6 +13,9 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
+from helpers import toy_training as toy  # noqa: E402
+from helpers.synthetic import golden_video  # noqa: E402
+from helpers.tiny_networks import write_dataset  # noqa: E402
 from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
@@ -23,9 +26,6 @@ from ssiam.training.finished import write_network, write_so_far  # noqa: E402
 from ssiam.training.network_settings import NetworkSettings  # noqa: E402
 from ssiam.training.trainer import Trainer  # noqa: E402
 from ssiam.training.validation_settings import HeldOut, ValidationSettings  # noqa: E402
-from synthetic import golden_video  # noqa: E402
-from tiny import write_dataset  # noqa: E402
-from training import toy  # noqa: E402
 
 
 @pytest.fixture(scope="module")

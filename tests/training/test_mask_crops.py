@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bright_tracks import PLAIN, Track
 
+from helpers.bright_tracks import PLAIN, Track
 from ssiam.datasets import DatasetError
 from ssiam.training import PairSettings, TrackList, WindowSettings
 

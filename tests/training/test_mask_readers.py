@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from sets_on_disk import (
+
+from helpers.sets_on_disk import (
     BOX,
     OTHER,
     mask_of,
@@ -14,7 +15,6 @@ from sets_on_disk import (
     write_image,
     write_palette_png,
 )
-
 from ssiam.datasets import DatasetError
 from ssiam.errors import SourceError
 

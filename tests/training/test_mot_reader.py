@@ -4,9 +4,9 @@ import logging
 
 import numpy as np
 import pytest
-from on_disk import write_mot
-from sets_on_disk import opened
 
+from helpers.datasets_on_disk import write_mot
+from helpers.sets_on_disk import opened
 from ssiam.datasets import DatasetError
 from ssiam.training import LAYOUTS
 

@@ -4,9 +4,9 @@ import logging
 
 import numpy as np
 import pytest
-from bright_tracks import Track, sampler
-from sets_on_disk import write_davis
 
+from helpers.bright_tracks import Track, sampler
+from helpers.sets_on_disk import write_davis
 from ssiam.datasets import DatasetError
 from ssiam.errors import ArgumentError
 from ssiam.training import (

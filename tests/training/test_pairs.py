@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bright_tracks import Track, box_of, sampler
-from sets_on_disk import OTHER
 
+from helpers.bright_tracks import Track, box_of, sampler
+from helpers.sets_on_disk import OTHER
 from ssiam.training import AugmentSettings, TrackList, WindowSettings
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from sets_on_disk import BOX, opened, scene, write_image, write_stamps
 
+from helpers.sets_on_disk import BOX, opened, scene, write_image, write_stamps
 from ssiam.datasets import DatasetError
 from ssiam.errors import ArgumentError
 from ssiam.training import SourceSettings

@@ -4,10 +4,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from helpers import toy_training as toy  # noqa: E402
 from ssiam.networks.lite import LiteResponses  # noqa: E402
 from ssiam.training.settings import TeacherSettings  # noqa: E402
 from ssiam.training.teacher import Lesson, Teacher, lesson_losses  # noqa: E402
-from training import toy  # noqa: E402
 
 ALL_ONE = TeacherSettings("", 1.0, 1.0, 1.0)
 

@@ -6,8 +6,8 @@ import logging
 import cv2
 import numpy as np
 import pytest
-from sets_on_disk import opened, scene, write_image
 
+from helpers.sets_on_disk import opened, scene, write_image
 from ssiam.datasets import DatasetError
 from ssiam.errors import ArgumentError
 from ssiam.training import SourceSettings

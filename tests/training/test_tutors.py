@@ -7,9 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from helpers import toy_training as toy  # noqa: E402
 from ssiam.training.settings import TeacherSettings  # noqa: E402
 from ssiam.training.tutors import Tutors, _on_our_cells, _Seen  # noqa: E402
-from training import toy  # noqa: E402
 
 
 class Says:

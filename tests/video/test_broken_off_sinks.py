@@ -7,8 +7,8 @@ import signal
 import subprocess
 
 import pytest
-from clips import decoded, drained, number_in, picture, python
 
+from helpers.video_clips import decoded, drained, number_in, picture, python
 from ssiam.errors import SinkError
 from ssiam.video import VideoSink, open_source
 
@@ -29,7 +29,7 @@ def test_exception_leaves_a_complete_file(tmp_path, error):
 
 _WRITE_ON = """
 import sys
-from clips import picture
+from helpers.video_clips import picture
 from ssiam.video import VideoSink
 with VideoSink(sys.argv[1], 10) as sink:
     for number in range(10**6):
@@ -109,7 +109,7 @@ def test_interrupted_writer_leaves_every_frame(tmp_path):
 
 _DISK_FULL = """
 import json, resource, signal, sys
-from clips import picture
+from helpers.video_clips import picture
 from ssiam.errors import SinkError
 from ssiam.video import VideoSink
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

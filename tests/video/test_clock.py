@@ -6,8 +6,8 @@ from fractions import Fraction
 from itertools import pairwise
 
 import pytest
-from clips import NTSC
 
+from helpers.video_clips import NTSC
 from ssiam.video.clock import Clock, as_rate
 
 RATES = [

@@ -10,8 +10,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from clips import decoded, number_in, picture, write_clip
-from odd_clips import (
+
+from helpers.odd_clips import (
     SAMPLES,
     anamorphic,
     displayed_aspect,
@@ -19,7 +19,7 @@ from odd_clips import (
     with_preview,
     with_sound,
 )
-
+from helpers.video_clips import decoded, number_in, picture, write_clip
 from ssiam.errors import SourceError
 from ssiam.video import VideoSink, open_source
 

@@ -7,8 +7,8 @@ import re
 import av
 import numpy as np
 import pytest
-from clips import drained, number_in, write_clip
 
+from helpers.video_clips import drained, number_in, write_clip
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.video import open_source
 

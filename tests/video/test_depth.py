@@ -8,8 +8,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from clips import number_in, picture, python
 
+from helpers.video_clips import number_in, picture, python
 from ssiam.errors import ArgumentError, SourceError
 from ssiam.video import RawFormat, open_source
 from ssiam.video.levels import LEVEL_FRAMES, Levels, levels_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import draw_tracks, side_by_side
 
 SIZES = [(320, 240), (1280, 720), (3840, 2160)]

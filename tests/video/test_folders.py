@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from clips import drained, number_in, picture, write_clip
 
+from helpers.video_clips import drained, number_in, picture, write_clip
 from ssiam.errors import FrameSizeError, SourceError, StreamError
 from ssiam.video import open_source
 from ssiam.video.cameras import open_capture

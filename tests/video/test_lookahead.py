@@ -1,8 +1,8 @@
 """Frames with the ones after them."""
 
 import pytest
-from clips import cut, write_clip
 
+from helpers.video_clips import cut, write_clip
 from ssiam.errors import StreamError
 from ssiam.video import open_source, with_following
 

@@ -11,12 +11,12 @@ import subprocess
 
 import numpy as np
 import pytest
-from clips import python
 
+from helpers.video_clips import python
 from ssiam.errors import SinkError
 from ssiam.geometry import rigid
 from ssiam.motion import Motion
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import open_results
 
 PLAIN = Track((10.123456, 20.0, 30.5, 40.25), score=0.98765)
@@ -190,7 +190,7 @@ def test_full_disk_is_a_sink_error(tmp_path, name):
 _HALF_A_LINE = """
 import resource, signal, sys
 from ssiam.errors import SinkError
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import open_results
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (105, 105))
@@ -214,7 +214,7 @@ def test_disk_that_fills_up_leaves_whole_lines(tmp_path):
 
 _WRITE_ON = """
 import sys
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import open_results
 with open_results(sys.argv[1]) as sink:
     for index in range(10**6):

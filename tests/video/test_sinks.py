@@ -8,8 +8,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from clips import NTSC, decoded, number_in, picture
 
+from helpers.video_clips import NTSC, decoded, number_in, picture
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.video import VideoSink, open_source
 

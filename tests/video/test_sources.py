@@ -8,9 +8,9 @@ from fractions import Fraction
 import av
 import numpy as np
 import pytest
-from clips import NTSC, decoded, number_in, picture, python, shared, write_clip
-from odd_clips import set_display_matrix
 
+from helpers.odd_clips import set_display_matrix
+from helpers.video_clips import NTSC, decoded, number_in, picture, python, shared, write_clip
 from ssiam.video import open_source
 
 WHOLE_FILES = [

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from clips import drained, number_in, picture, write_clip
-from odd_clips import scratched
 
+from helpers.odd_clips import scratched
+from helpers.video_clips import drained, number_in, picture, write_clip
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
 from ssiam.video.images import read_pages

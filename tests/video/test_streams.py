@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from functools import partial
 
 import pytest
-from clips import NTSC, drained, picture, python, write_clip, y4m
 
+from helpers.video_clips import NTSC, drained, picture, python, write_clip, y4m
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
 from ssiam.video.addresses import public_name
@@ -22,7 +22,7 @@ from ssiam.video.addresses import public_name
 _READ_STDIN = """
 import json, sys
 from fractions import Fraction
-from clips import number_in
+from helpers.video_clips import number_in
 from ssiam.errors import SsiamError
 from ssiam.video import RawFormat, open_source
 raw = RawFormat((160, 96), sys.argv[1], Fraction(25)) if len(sys.argv) > 1 else None

@@ -15,8 +15,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from clips import decoded, number_in, picture, python, write_clip
 
+from helpers.video_clips import decoded, number_in, picture, python, write_clip
 from ssiam.video import VideoSink, open_source
 
 JITTERED = [0.0, 0.04, 0.065, 0.097, 0.131, 0.166, 0.204, 0.234, 0.27, 0.299]

@@ -6,8 +6,8 @@ import random
 
 import av
 import pytest
-from clips import cut, drained, shared, write_clip
 
+from helpers.video_clips import cut, drained, shared, write_clip
 from ssiam.errors import SourceError, SsiamError, StreamError
 from ssiam.video import RawFormat, open_source
 

@@ -14,11 +14,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from shaky_clip import SIZE, shaky_frames
 
+from helpers.shaky_clip import SIZE, shaky_frames
 from ssiam.errors import SinkError, StreamError
 from ssiam.geometry import IDENTITY
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import Frame, open_source
 from ssiam.web import recorder, recording_files
 from ssiam.web.errors import CommandError

@@ -4,9 +4,9 @@ import threading
 
 import numpy as np
 import pytest
-from shaky_clip import SIZE, write_clip
-from watched_session import Watched
 
+from helpers.shaky_clip import SIZE, write_clip
+from helpers.watched_session import Watched
 from ssiam.geometry import iou
 from ssiam.web import commands
 from ssiam.web.errors import CommandError

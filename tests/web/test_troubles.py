@@ -8,11 +8,11 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from live_clients import Client, step_until
-from live_server import SECONDS, SIZE, EndlessFeed, until
-from troubled import Hang, every_tenth, leave, troubled_tracker
 
 import ssiam
+from helpers.failing_trackers import Hang, every_tenth, leave, troubled_tracker
+from helpers.live_clients import Client, step_until
+from helpers.live_server import SECONDS, SIZE, EndlessFeed, until
 from ssiam.errors import IncompleteError, SourceError
 from ssiam.video import Frame
 from ssiam.video.frames import SourceFacts

@@ -13,7 +13,7 @@ from ssiam.errors import SinkError
 from ssiam.geometry import IDENTITY, Image
 from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.stabilize import FrameView, StabilizerConfig
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import (
     Frame,
     PathPlot,

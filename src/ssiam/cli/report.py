@@ -21,7 +21,8 @@ from rich.progress import Progress as RichProgress
 
 from ssiam.errors import IncompleteError, one_line
 from ssiam.geometry import Transform, frame_centre, rigid_parameters
-from ssiam.trackers import Track, TrackerGroup
+from ssiam.track import Track
+from ssiam.trackers import TrackerGroup
 
 _log = logging.getLogger(__name__)
 

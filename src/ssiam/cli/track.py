@@ -18,7 +18,8 @@ from ssiam.cli.report import Progress, Report
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import Track, TrackerGroup
+from ssiam.track import Track
+from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 
 _CHOICE = TrackerChoice()

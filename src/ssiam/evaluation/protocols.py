@@ -16,7 +16,7 @@ from ssiam.evaluation.layouts import Experiment
 from ssiam.evaluation.overlap import vot_overlap
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.geometry import Image
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 ProtocolName: TypeAlias = Literal["vot", "ope", "realtime"]
 PROTOCOLS: Final[tuple[ProtocolName, ...]] = get_args(ProtocolName)

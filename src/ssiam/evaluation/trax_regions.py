@@ -15,7 +15,7 @@ import numpy as np
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, area_preserving_xywh, corners_from_xywh
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 
 def start_box(region: Any) -> XYWH:

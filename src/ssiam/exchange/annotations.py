@@ -14,7 +14,7 @@ from ssiam.errors import ArgumentError
 from ssiam.exchange.errors import AnnotationsError
 from ssiam.exchange.result_lines import Record, read_records
 from ssiam.geometry import XYWH
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 Corners: TypeAlias = tuple[tuple[float, float], ...]
 

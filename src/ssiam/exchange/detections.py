@@ -9,7 +9,7 @@ import numpy as np
 
 from ssiam.errors import ArgumentError, MissingExtraError
 from ssiam.geometry import Points, corners_from_xywh
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 if TYPE_CHECKING:
     import supervision

@@ -15,7 +15,7 @@ from ssiam.exchange.rerun_stream import RerunStream
 from ssiam.geometry import Image
 from ssiam.motion import Motion
 from ssiam.outputs import ClosedAtExit
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 _IMAGE: Final = "camera/image"
 _BOXES: Final = "camera/targets"

@@ -4,13 +4,11 @@ from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.catalogue import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
 from ssiam.trackers.group import TrackerGroup
 from ssiam.trackers.steadied import SteadiedTracker
-from ssiam.trackers.track import Track
 
 __all__ = [
     "DEFAULT_TRACKER",
     "TRACKERS",
     "SteadiedTracker",
-    "Track",
     "TrackerGroup",
     "TrackerName",
     "ViewTracker",

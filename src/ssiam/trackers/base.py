@@ -7,7 +7,7 @@ from typing import Protocol
 
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
-from ssiam.trackers.track import Track
+from ssiam.track import Track
 
 
 class ViewTracker(Protocol):

@@ -13,8 +13,8 @@ from ssiam.errors import ArgumentError, FrameSizeError
 from ssiam.geometry import XYWH, Image, check_box, check_frame, four_numbers, shortened
 from ssiam.motion import Motion, MotionAhead
 from ssiam.stabilize import StabilizerConfig
+from ssiam.track import Track
 from ssiam.trackers.steadied import SteadiedTracker
-from ssiam.trackers.track import Track
 
 Result = TypeVar("Result")
 

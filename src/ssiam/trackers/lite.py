@@ -19,6 +19,7 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.lite_mask import crop_corner, pasted, turned_box
 from ssiam.trackers.rivals import Rivals
@@ -36,7 +37,6 @@ from ssiam.trackers.siamese import (
     smallest_size,
     state_at,
 )
-from ssiam.trackers.track import Track
 
 LiteName: TypeAlias = Literal["lite"]
 SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"

@@ -17,6 +17,7 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Running, Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.lite_mask import crop_corner
 from ssiam.trackers.rivals import Rivals
@@ -31,7 +32,6 @@ from ssiam.trackers.siamese import (
     sigmoid,
     state_at,
 )
-from ssiam.trackers.track import Track
 
 SEARCH: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between cells

@@ -14,6 +14,7 @@ from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence, Usual, look
 from ssiam.trackers.nanotrack_networks import SEARCH, NanoTrackName, NanoTrackNetworks
 from ssiam.trackers.siamese import (
@@ -30,7 +31,6 @@ from ssiam.trackers.siamese import (
     smallest_size,
     state_at,
 )
-from ssiam.trackers.track import Track
 
 _STRIDE: Final = 16  # px between points of the response map
 _LOGITS: Final = (-6.0, 12.0)  # beyond these a score says no more

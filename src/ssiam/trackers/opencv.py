@@ -11,11 +11,11 @@ from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError, CopyError, TrackingError, one_line
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.appearance import Appearance
 from ssiam.trackers.base import pixel_box
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.mil import RepeatableMil
-from ssiam.trackers.track import Track
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
 

@@ -9,8 +9,8 @@ from typing import Final
 from ssiam.geometry import XYWH, Image, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Prediction, StabilizerConfig
+from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
-from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch, Whereabouts
 
 _SURE: Final = 0.5  # score from which the target is where the box is

@@ -17,9 +17,9 @@ from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.crops import siamfc_crop
 from ssiam.trackers.siamese import CONTEXT, EXEMPLAR, Floats, crop_tensor
-from ssiam.trackers.track import Track
 
 SiamFcName: TypeAlias = Literal["siamfc"]
 Singles = NDArray[np.float32]

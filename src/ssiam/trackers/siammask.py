@@ -14,6 +14,7 @@ from ssiam.copying import CopiedWhole
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 from ssiam.trackers.mask_boxes import Mask, ellipse_box, rectangle_box
 from ssiam.trackers.mask_paste import mask_square, paste, probabilities
 from ssiam.trackers.mask_windows import refinement_windows
@@ -24,7 +25,6 @@ from ssiam.trackers.siamrpn import (
     SiamRpnNetworks,
     SiamRpnParameters,
 )
-from ssiam.trackers.track import Track
 
 SiamMaskName: TypeAlias = Literal[
     "siammask_r50_l3",

@@ -16,6 +16,7 @@ from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.stabilize.view import Colour
+from ssiam.track import Track
 from ssiam.trackers.anchors import ANCHORS, anchor_boxes, cell_of, decode, response_side
 from ssiam.trackers.crops import Crop, pysot_crop, siammask_crop
 from ssiam.trackers.siamese import (
@@ -32,7 +33,6 @@ from ssiam.trackers.siamese import (
     kept_inside,
     state_at,
 )
-from ssiam.trackers.track import Track
 
 SiamRpnName: TypeAlias = Literal[
     "siamrpn_r50_l234_dwxcorr",

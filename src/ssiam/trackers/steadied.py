@@ -14,11 +14,11 @@ from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
 from ssiam.motion import CameraMotion, Motion, MotionAhead
 from ssiam.motion.motion import known_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
+from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.pursuit import Pursuit
 from ssiam.trackers.sight import Sight
 from ssiam.trackers.steadying import Steadying
-from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
 # Score up to which nothing of the target is seen in a frame whose motion is not known either. Noise

@@ -9,8 +9,8 @@ import numpy as np
 from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
+from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
-from ssiam.trackers.track import Track
 from ssiam.trackers.watch import Watch
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssiam.geometry import Image, corners_from_xywh
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video.lettering import BLACK, WHITE, Color, Lettering
 
 # BGR; the hues of Okabe and Ito, which the colour-blind can tell apart, in bright versions.

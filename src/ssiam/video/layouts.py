@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 Value: TypeAlias = float | int | bool | None
 

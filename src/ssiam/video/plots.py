@@ -15,7 +15,7 @@ from ssiam.geometry import frame_centre, rigid_parameters
 from ssiam.motion import Motion
 from ssiam.outputs import ClosedAtExit, check_output, replaced
 from ssiam.stabilize import CameraPath
-from ssiam.trackers import Track
+from ssiam.track import Track
 
 _RAW, _SMOOTH, _UNSURE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
 _AXES = (

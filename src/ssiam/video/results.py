@@ -11,7 +11,7 @@ from pathlib import Path
 from ssiam.copying import NotCopied
 from ssiam.errors import SinkError
 from ssiam.outputs import ClosedAtExit, Part, check_output
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video.layouts import LAYOUTS, Layout, Row
 
 TEXT_LAYOUTS = ("otb", "vot", "mot")

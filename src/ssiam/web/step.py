@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 from ssiam.geometry import Transform
 from ssiam.motion import Motion
 from ssiam.stabilize import Method
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import Frame
 
 Playing: TypeAlias = Literal["playing", "paused", "reconnecting", "ended"]

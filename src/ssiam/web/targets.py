@@ -10,7 +10,8 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import SteadiedTracker, Track, TrackerGroup
+from ssiam.track import Track
+from ssiam.trackers import SteadiedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
 from ssiam.web.errors import CommandError
 from ssiam.web.step import Target

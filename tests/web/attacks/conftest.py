@@ -4,8 +4,9 @@ In every test a good client is connected all along, and is sent the session's st
 """
 
 import pytest
-from live_clients import Watcher
-from live_server import serving, until
+
+from helpers.live_clients import Watcher
+from helpers.live_server import serving, until
 
 
 @pytest.fixture(scope="module")

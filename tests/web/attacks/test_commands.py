@@ -7,10 +7,10 @@ import json
 import cv2
 import numpy as np
 import pytest
-from live_clients import Client, step_until
-from live_server import SECONDS, SIZE, serving, until
 
 import ssiam
+from helpers.live_clients import Client, step_until
+from helpers.live_server import SECONDS, SIZE, serving, until
 from ssiam.web.feeds.pushed import PushedFeed
 from ssiam.web.recording import Recordings
 from ssiam.web.server.limits import ServerLimits

@@ -1,8 +1,9 @@
 """Who has no token, or comes from elsewhere, opens nothing."""
 
 import pytest
-from live_clients import Client
-from raw_sockets import handshake, status_of
+
+from helpers.live_clients import Client
+from helpers.raw_sockets import handshake, status_of
 
 TOKENS = ["", "?token=", "?token=wrong", "?token=" + "x" * 4000, "?Token={}", "?token={}x"]
 

@@ -4,15 +4,15 @@ import json
 from contextlib import closing
 
 import pytest
-from live_clients import Client, Watcher
-from live_server import serving, until
-from message_fuzz import fuzzed
-from raw_sockets import frame, opened, read_code
 
+from helpers.live_clients import Client, Watcher
+from helpers.live_server import serving, until
+from helpers.message_fuzz import fuzzed
+from helpers.raw_sockets import frame, opened, read_code
+from helpers.synthetic import generator
 from ssiam.web import commands
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.messages import BadMessage, Shown, View, parse_message
-from synthetic import generator
 
 PATIENT = ServerLimits(bad_messages=10**6, messages_a_second=10**6, burst=10**6)
 FRAMES = [

@@ -4,8 +4,9 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from live_server import read_all, until
-from raw_sockets import handshake, raw_socket, status_of
+
+from helpers.live_server import read_all, until
+from helpers.raw_sockets import handshake, raw_socket, status_of
 
 TARGETS = [
     *("/page/../serving.py", "/page/%2e%2e/serving.py", "/page/..%2fserving.py", "/../etc/passwd"),

@@ -5,11 +5,11 @@ import time
 from contextlib import ExitStack, closing
 
 import pytest
-from live_clients import Client, Watcher
-from live_server import HASTY, SECONDS, read_all, serving, until
-from raw_sockets import frame, opened, raw_socket, send_until_cut_off
 from websockets.exceptions import InvalidStatus
 
+from helpers.live_clients import Client, Watcher
+from helpers.live_server import HASTY, SECONDS, read_all, serving, until
+from helpers.raw_sockets import frame, opened, raw_socket, send_until_cut_off
 from ssiam.web.server.limits import ServerLimits
 
 

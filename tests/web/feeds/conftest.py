@@ -4,8 +4,9 @@ import threading
 from fractions import Fraction
 
 import pytest
-from clips import write_clip
-from opened_feeds import wait_for
+
+from helpers.opened_feeds import wait_for
+from helpers.video_clips import write_clip
 
 
 @pytest.fixture(autouse=True)

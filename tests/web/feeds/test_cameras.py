@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from clips import number_in
-from feed_servers import JpegCamera
-from opened_feeds import SOON, indices, opened, wait_for
 
+from helpers.feed_servers import JpegCamera
+from helpers.opened_feeds import SOON, indices, opened, wait_for
+from helpers.video_clips import number_in
 from ssiam.errors import SourceError
 from ssiam.video.cameras import open_capture
 from ssiam.web.errors import CommandError

@@ -5,10 +5,10 @@ from __future__ import annotations
 import subprocess
 
 import pytest
-from clips import python, y4m
-from feed_servers import file_server
-from opened_feeds import SOON, indices, opened, rest
 
+from helpers.feed_servers import file_server
+from helpers.opened_feeds import SOON, indices, opened, rest
+from helpers.video_clips import python, y4m
 from ssiam.errors import SourceError
 from ssiam.web.feeds.feed import open_feed
 

@@ -7,9 +7,10 @@ from fractions import Fraction
 
 import cv2
 import pytest
-from clips import number_in, picture, write_clip
-from feed_servers import file_server
-from opened_feeds import SOON, indices, numbers, opened, rest, wait_for
+
+from helpers.feed_servers import file_server
+from helpers.opened_feeds import SOON, indices, numbers, opened, rest, wait_for
+from helpers.video_clips import number_in, picture, write_clip
 
 
 def _folder(path):

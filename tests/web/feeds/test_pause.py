@@ -6,7 +6,8 @@ import threading
 import time
 
 import pytest
-from opened_feeds import SOON, indices, numbers, opened, rest, wait_for
+
+from helpers.opened_feeds import SOON, indices, numbers, opened, rest, wait_for
 
 
 @pytest.mark.parametrize("pace", ["clock", "fast"])

@@ -8,8 +8,8 @@ import tracemalloc
 import cv2
 import numpy as np
 import pytest
-from clips import number_in, picture
 
+from helpers.video_clips import number_in, picture
 from ssiam.errors import ArgumentError
 from ssiam.web.feeds.pictures import decode_picture
 

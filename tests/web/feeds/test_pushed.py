@@ -7,9 +7,9 @@ import time
 
 import numpy as np
 import pytest
-from clips import number_in, picture
-from opened_feeds import SOON
 
+from helpers.opened_feeds import SOON
+from helpers.video_clips import number_in, picture
 from ssiam.errors import ArgumentError
 from ssiam.web.feeds.feed import open_feed
 from ssiam.web.feeds.pushed import PushedFeed

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from clips import cut, number_in, write_clip
-from opened_feeds import SOON, indices, numbers, opened, rest
 
+from helpers.opened_feeds import SOON, indices, numbers, opened, rest
+from helpers.video_clips import cut, number_in, write_clip
 from ssiam.errors import SourceError
 
 

@@ -13,13 +13,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from clips import number_in, picture
 
+from helpers.video_clips import number_in, picture
 from ssiam.video import VideoSink
 from ssiam.web.feeds.feed import open_feed
 
 SYSTEM_PYTHON = "/usr/bin/python3"
-SERVER = Path(__file__).with_name("rtsp_server.py")
+SERVER = Path(__file__).parents[2] / "helpers" / "rtsp_server.py"
 # Debian's names; gstreamer1.0-plugins-good comes along.
 PACKAGES = "gir1.2-gst-rtsp-server-1.0 python3-gi"
 PROBE = (

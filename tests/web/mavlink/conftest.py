@@ -1,7 +1,7 @@
 import pytest
-from ground_station import IDLE, GroundStation
-from scripted_session import ScriptedSession
 
+from helpers.ground_station import IDLE, GroundStation
+from helpers.scripted_session import ScriptedSession
 from ssiam.web.mavlink.camera import MavlinkCamera
 
 

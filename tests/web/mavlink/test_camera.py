@@ -3,10 +3,10 @@
 import math
 
 import pytest
-from ground_station import ACCEPTED, INFORMATION, REQUEST
 from pymavlink.dialects.v20 import common as mavlink
-from scripted_session import SIZE
 
+from helpers.ground_station import ACCEPTED, INFORMATION, REQUEST
+from helpers.scripted_session import SIZE
 from ssiam.web.mavlink.camera import MavlinkCamera
 
 

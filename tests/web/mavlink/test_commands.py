@@ -3,7 +3,9 @@
 import math
 
 import pytest
-from ground_station import (
+from pymavlink.dialects.v20 import common as mavlink
+
+from helpers.ground_station import (
     ACCEPTED,
     DENIED,
     FAILED,
@@ -18,8 +20,6 @@ from ground_station import (
     UNSUPPORTED,
     command_long,
 )
-from pymavlink.dialects.v20 import common as mavlink
-
 from ssiam.web.commands import Add, Remove
 from ssiam.web.mavlink.camera import MavlinkCamera
 

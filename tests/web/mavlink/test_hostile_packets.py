@@ -5,11 +5,11 @@ import struct
 
 import numpy as np
 import pytest
-from ground_station import ACCEPTED, DENIED, FAILED, POINT, RECTANGLE, STOP, command_long
 from pymavlink.dialects.v20 import common as mavlink
-from shaky_clip import write_clip
 
 import ssiam
+from helpers.ground_station import ACCEPTED, DENIED, FAILED, POINT, RECTANGLE, STOP, command_long
+from helpers.shaky_clip import write_clip
 from ssiam.web.feeds.feed import open_feed
 from ssiam.web.mavlink.camera import MavlinkCamera
 from ssiam.web.mavlink.commands import CommandReader

@@ -10,7 +10,9 @@ import time
 from contextlib import suppress
 
 import pytest
-from ground_station import (
+from pymavlink.dialects.v20 import common as mavlink
+
+from helpers.ground_station import (
     ACCEPTED,
     HERE,
     IDLE,
@@ -22,8 +24,6 @@ from ground_station import (
     command_long,
     free_port,
 )
-from pymavlink.dialects.v20 import common as mavlink
-
 from ssiam.web.mavlink.camera import MavlinkCamera
 from ssiam.web.mavlink.ports import StreamLink
 

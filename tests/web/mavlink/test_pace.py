@@ -1,7 +1,8 @@
 """How often the status is told."""
 
 import pytest
-from ground_station import (
+
+from helpers.ground_station import (
     ACCEPTED,
     ACTIVE,
     IDLE,
@@ -11,7 +12,6 @@ from ground_station import (
     STATUS,
     command_long,
 )
-
 from ssiam.web.mavlink.pace import Pace
 
 

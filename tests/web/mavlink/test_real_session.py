@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from ground_station import ACCEPTED, ACTIVE, HERE, IDLE, RECTANGLE, STOP, free_port
-from shaky_clip import write_clip
 
 import ssiam
+from helpers.ground_station import ACCEPTED, ACTIVE, HERE, IDLE, RECTANGLE, STOP, free_port
+from helpers.shaky_clip import write_clip
 from ssiam.web.feeds.feed import open_feed
 from ssiam.web.mavlink.camera import MavlinkCamera
 from ssiam.web.recording import Recordings

@@ -3,10 +3,10 @@
 import math
 
 import pytest
-from ground_station import ACCEPTED, ACTIVE, ERROR, IDLE, POINT, RECTANGLE, SECONDS, STOP
 from pymavlink.dialects.v20 import common as mavlink
-from scripted_session import SIZE
 
+from helpers.ground_station import ACCEPTED, ACTIVE, ERROR, IDLE, POINT, RECTANGLE, SECONDS, STOP
+from helpers.scripted_session import SIZE
 from ssiam.web.commands import Add, Remove
 
 IN_STATUS = mavlink.CAMERA_TRACKING_TARGET_DATA_IN_STATUS

@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 import pytest
-from browsing import Visitor, a_feed, launched, served
-from walking_clip import FRAMES, HIDDEN, write_shaking_clip
+
+from helpers.browsing import Visitor, a_feed, launched, served
+from helpers.walking_clip import FRAMES, HIDDEN, write_shaking_clip
 
 CAMERA = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
 DESK = {"width": 1280, "height": 800}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from walking_clip import HIDDEN, distance
+
+from helpers.walking_clip import HIDDEN, distance
 
 NEAR = 5  # pixels
 

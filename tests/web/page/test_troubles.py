@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from browsing import served_session
-from live_server import SIZE, EndlessFeed
-from test_visits import PHONE
-from troubled import Hang, every_tenth, leave, troubled_tracker
 
+from helpers.browsing import PHONE, served_session
+from helpers.failing_trackers import Hang, every_tenth, leave, troubled_tracker
+from helpers.live_server import SIZE, EndlessFeed
 from ssiam.web import commands
 from ssiam.web.recording import Recordings
 from ssiam.web.session import Session

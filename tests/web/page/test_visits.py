@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from browsing import a_feed, served
-from walking_clip import RATE, SIZE
 
+from helpers.browsing import PHONE, a_feed, served
+from helpers.walking_clip import RATE, SIZE
 from ssiam.web.feeds.pushed import PushedFeed
-
-PHONE = {"width": 360, "height": 740}
 
 
 def test_keys_steer_the_session(visitor):

@@ -1,6 +1,7 @@
 import pytest
-from live_clients import Client
-from live_server import serving
+
+from helpers.live_clients import Client
+from helpers.live_server import serving
 
 
 @pytest.fixture(scope="module")

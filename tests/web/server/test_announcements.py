@@ -9,7 +9,7 @@ import pytest
 from ssiam.errors import ArgumentError
 from ssiam.geometry import IDENTITY, frame_centre, rigid
 from ssiam.motion import Motion
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import Frame
 from ssiam.web.errors import CommandError
 from ssiam.web.info import SessionInfo, SessionLimits

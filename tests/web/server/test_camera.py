@@ -1,12 +1,12 @@
 """A browser's camera as the source."""
 
 import pytest
-from live_clients import Client
-from live_server import serving, until
 
+from helpers.live_clients import Client
+from helpers.live_server import serving, until
+from helpers.synthetic import world
 from ssiam.web.server.encoding import encode_jpeg
 from ssiam.web.server.limits import ServerLimits
-from synthetic import world
 
 
 def test_a_browsers_camera_is_the_source():

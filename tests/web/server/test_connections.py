@@ -3,9 +3,9 @@
 import json
 
 import pytest
-from live_clients import Client, Watcher, step_until
-from live_server import SECONDS, SIZE, serving, until
 
+from helpers.live_clients import Client, Watcher, step_until
+from helpers.live_server import SECONDS, SIZE, serving, until
 from ssiam.web.errors import Note
 from ssiam.web.server.limits import ServerLimits
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.synthetic import generator, world
 from ssiam.errors import ArgumentError
 from ssiam.geometry import rigid
 from ssiam.stabilize import FrameView
@@ -16,7 +17,6 @@ from ssiam.web.server import encoding
 from ssiam.web.server.encoding import StepPictures, encode_jpeg
 from ssiam.web.server.messages import View
 from ssiam.web.step import Step
-from synthetic import generator, world
 
 PICTURE = world(2, (160, 120))
 MOST = 4096 * 4096

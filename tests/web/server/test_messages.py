@@ -4,8 +4,8 @@ import json
 import math
 
 import pytest
-from message_fuzz import GOOD, fuzzed
 
+from helpers.message_fuzz import GOOD, fuzzed
 from ssiam.web import commands
 from ssiam.web.server import announcements
 from ssiam.web.server.messages import BadMessage, Message, View, parse_message

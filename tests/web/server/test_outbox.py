@@ -4,8 +4,8 @@ import asyncio
 import time
 
 import pytest
-from live_clients import Client, step_until
 
+from helpers.live_clients import Client, step_until
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.outbox import Outbox
 

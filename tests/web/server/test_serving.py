@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from live_clients import Client
-from live_server import serving, until
+
+from helpers.live_clients import Client
+from helpers.live_server import serving, until
 
 FILES = [("/", "text/html"), ("/page/index.html", "text/html"), ("/page/main.js", "javascript")]
 
@@ -60,8 +61,8 @@ def test_all_are_told_when_the_server_ends():
 def test_run_serves_until_it_is_interrupted(tmp_path):
     code = """
 import sys, signal, threading, urllib.request
-sys.path[:0] = sys.argv[1:3]
-from live_server import serving
+sys.path.insert(0, sys.argv[1])
+from helpers.live_server import serving
 with serving() as live:
     live.server.close()
 from ssiam.web.server.serving import LiveServer
@@ -73,9 +74,9 @@ threading.Timer(0.3, look).start()
 server.run()
 print("ended")
 """
-    folders = Path(__file__).parent, Path(__file__).parents[2]
+    tests = str(Path(__file__).parents[2])
     done = subprocess.run(
-        [sys.executable, "-c", code, *folders], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code, tests], capture_output=True, text=True, timeout=60
     )
     assert done.stdout.split() == ["200", "ended"], done.stderr
 

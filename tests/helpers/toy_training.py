@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from helpers.synthetic import generator
 from ssiam.networks.efficientnet_lite import EfficientNetLite0
 from ssiam.training.batches import Batch
 from ssiam.training.loop import train
 from ssiam.training.network_settings import NetworkSettings
 from ssiam.training.settings import OptimiserSettings, TrainSettings
-from synthetic import generator
 
 SQUARE = 56  # px, in both crops
 

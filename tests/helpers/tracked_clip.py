@@ -8,9 +8,9 @@ from fractions import Fraction
 import av
 import numpy as np
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
-from synthetic import generator, poses, seen, world
 
 SIZE = (320, 240)
 BOX = (140.0, 90.0, 36.0, 40.0)

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.stub_networks import MARKER
 from ssiam import FrameView
 from ssiam.geometry import frame_centre, map_box, rigid
 from ssiam.trackers import siamrpn
-from trackers.stub_networks import MARKER
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 OPENCV = cv2.__version__.split(".")[0]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import ssiam
+from helpers.synthetic import poses, seen, world
 from ssiam.video import Frame
 from ssiam.web.feeds.newest import Newest
 from ssiam.web.feeds.pushed import PushedFeed
@@ -20,7 +21,6 @@ from ssiam.web.rota import Rota
 from ssiam.web.server.limits import ServerLimits
 from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
-from synthetic import poses, seen, world
 
 SIZE = (160, 120)
 RATE = 20  # pictures a second

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from functools import partial
 
 import cv2
-from clips import picture
+
+from helpers.video_clips import picture
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):

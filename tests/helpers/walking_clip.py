@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
-from synthetic import generator, poses, seen, world
 
 SIZE = (320, 240)
 RATE = 10  # frames a second: slow machines keep up

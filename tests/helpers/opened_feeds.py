@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import contextmanager
 
-from clips import number_in
-
+from helpers.video_clips import number_in
 from ssiam.web.feeds.feed import open_feed
 
 SOON = 10.0

@@ -2,9 +2,9 @@
 
 import json
 
+from helpers.synthetic import generator
 from ssiam.web import commands
 from ssiam.web.server.messages import Shown, View
-from synthetic import generator
 
 BOX = [1.5, 2, 30, 40]
 GOOD = [

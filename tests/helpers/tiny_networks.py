@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from synthetic import generator, poses, seen, world
+from helpers.synthetic import generator, poses, seen, world
 
 SIZE = (160, 120)
 TARGET = (28, 22)  # width, height

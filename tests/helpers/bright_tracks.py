@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from sets_on_disk import BOX, mask_of
 
+from helpers.sets_on_disk import BOX, mask_of
 from ssiam.errors import SourceError
 from ssiam.training import AugmentSettings, PairSampler, PairSettings, WindowSettings
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ssiam.geometry import rigid
 from ssiam.motion import Motion
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import open_results
 from ssiam.video.layouts import COLUMNS
 

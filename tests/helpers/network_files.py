@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from networks.rule_weights import key_lists, rule_weights
+from helpers.rule_weights import key_lists, rule_weights
 
 
 def rule_state(keys):

@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-from runs import square, trajectory
 
+from helpers.benchmark_runs import square, trajectory
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.bench import run_all, tasks
 from ssiam.evaluation.layouts import vot_path, write_vot

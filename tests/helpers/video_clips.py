@@ -102,7 +102,7 @@ def cut(path: Path, share: float) -> Path:
 def python(code: str, *args: str, **kwargs) -> subprocess.Popen:
     """A Python of its own that runs `code` with this ssiam."""
     source = str(Path(ssiam.__file__).parents[1])
-    paths = [source, str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+    paths = [source, str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
     return subprocess.Popen([sys.executable, "-c", code, *args], env=env, **kwargs)
 

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from walking_clip import SIZE
 
 import ssiam
+from helpers.walking_clip import SIZE
 from ssiam.web import commands
 from ssiam.web.feeds.feed import open_feed
 from ssiam.web.recording import Recordings
@@ -35,6 +35,9 @@ _PIXELS = """
   return [...data];
 }
 """
+
+
+PHONE = {"width": 360, "height": 740}
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from networks.files import rule_state, saved
+from helpers.network_files import rule_state, saved
 
 SLOW = bool(os.environ.get("SSIAM_SLOW"))  # whether tests take their time
 

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 import numpy as np
 
 from ssiam.geometry import IDENTITY
-from ssiam.trackers import Track
+from ssiam.track import Track
 from ssiam.video import Frame
 from ssiam.web.commands import Add, Remove
 from ssiam.web.errors import CommandError

@@ -7,7 +7,8 @@ from fractions import Fraction
 
 import av
 import numpy as np
-from clips import picture, write_clip
+
+from helpers.video_clips import picture, write_clip
 
 SAMPLES = 48000  # of sound, a second
 

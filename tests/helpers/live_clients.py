@@ -9,9 +9,10 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import cv2
 import numpy as np
-from live_server import SECONDS, until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+from helpers.live_server import SECONDS, until
 
 
 class Client:

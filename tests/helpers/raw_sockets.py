@@ -4,7 +4,7 @@ import socket
 import struct
 import time
 
-from live_server import SECONDS
+from helpers.live_server import SECONDS
 
 
 def raw_socket(live, *, buffer=None):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from helpers.synthetic import generator, poses
 from ssiam import Motion
 from ssiam.geometry import map_box
-from synthetic import generator, poses
 
 SIZE = (640, 360)
 BOX = (380.0, 90.0, 40.0, 50.0)

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
+from helpers.synthetic import generator, world
 from ssiam.geometry import frame_centre, map_box, rigid
-from synthetic import generator, world
 
 SIZE = (400, 300)
 SCENE = world(3, (800, 500))

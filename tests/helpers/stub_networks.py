@@ -6,7 +6,7 @@ Each is a callable as the trackers take them, and keeps what it was given.
 import cv2
 import numpy as np
 
-from synthetic import generator
+from helpers.synthetic import generator
 
 MARKER = (255, 0, 255)  # the same in BGR and RGB
 ANCHOR = 2  # 64x64

@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
+from helpers.synthetic import generator, poses, seen, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
-from synthetic import generator, poses, seen, world
 
 SIZE = (320, 240)
 PATCH = (40, 36)  # width, height
