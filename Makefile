@@ -1,9 +1,9 @@
-# make demo, make test: each does all the set-up and then runs. PYTHON chooses the interpreter.
+# make demo, make test, make docs: each does all the set-up and then runs. PYTHON chooses the interpreter.
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: install demo test lint toolkit clean
+.PHONY: install demo test lint docs toolkit clean
 
 install: $(READY)
 
@@ -28,8 +28,11 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+docs: $(READY)
+	$(BIN)/mkdocs build --strict --quiet
+
 toolkit: $(READY)
 	$(BIN)/python scripts/official_toolkit.py
 
 clean:
-	rm -rf .venv demo-out
+	rm -rf .venv demo-out site

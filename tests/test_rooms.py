@@ -1,4 +1,4 @@
-"""The table of rooms of docs/architecture.md, held to the code."""
+"""The table of rooms of docs/explanation/architecture.md, held to the code."""
 
 import subprocess
 import sys

@@ -44,7 +44,7 @@ def write_exports(
         Its folder must exist.
     kind : {"cvat", "coco", "labelstudio", "got10k"}
         XML of "CVAT for video 1.1", JSON of COCO, JSON of Label Studio's tasks, or a zip with
-        a folder a target as GOT-10k has them. docs/exchange.md tells what they hold.
+        a folder a target as GOT-10k has them. docs/how-to/exchange.md tells what they hold.
     video : str
         The video's name or address, for formats that tell it.
     overwrite : bool

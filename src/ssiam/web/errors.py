@@ -26,7 +26,7 @@ class CommandError(SsiamError):
     Attributes
     ----------
     code : str
-        For programs, as docs/live-protocol.md lists them; the text is for people.
+        For programs, as docs/reference/live-protocol.md lists them; the text is for people.
     """
 
     def __init__(self, code: Code, message: str) -> None:

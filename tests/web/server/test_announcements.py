@@ -1,4 +1,4 @@
-"""Messages of docs/live-protocol.md: what the server says."""
+"""Messages of docs/reference/live-protocol.md: what the server says."""
 
 import json
 import struct

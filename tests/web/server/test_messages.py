@@ -1,4 +1,4 @@
-"""Messages of docs/live-protocol.md: what is read of them, and what is refused."""
+"""Messages of docs/reference/live-protocol.md: what is read of them, and what is refused."""
 
 import json
 import math

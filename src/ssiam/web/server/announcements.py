@@ -1,4 +1,4 @@
-"""What the server sends (docs/live-protocol.md), as text and bytes."""
+"""What the server sends (docs/reference/live-protocol.md), as text and bytes."""
 
 from __future__ import annotations
 

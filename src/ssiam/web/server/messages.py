@@ -1,4 +1,4 @@
-"""`parse_message`: what clients send (docs/live-protocol.md), strictly read."""
+"""`parse_message`: what clients send (docs/reference/live-protocol.md), strictly read."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def parse_message(text: str) -> Message:
             ask = fields.integer("ask", 0, _LARGEST_ASK)
         kind = fields.word("type")
         if kind not in _READERS:
-            raise bad_message(f"there is no type {short(kind)}; see docs/live-protocol.md")
+            raise bad_message(f"there is no type {short(kind)}; see docs/reference/live-protocol.md")
         return Message(_READERS[kind](fields), ask)
     except CommandError as error:
         raise BadMessage(error.code, str(error), ask) from None
