@@ -78,7 +78,9 @@ def parse_message(text: str) -> Message:
             ask = fields.integer("ask", 0, _LARGEST_ASK)
         kind = fields.word("type")
         if kind not in _READERS:
-            raise bad_message(f"there is no type {short(kind)}; see docs/reference/live-protocol.md")
+            raise bad_message(
+                f"there is no type {short(kind)}; see docs/reference/live-protocol.md"
+            )
         return Message(_READERS[kind](fields), ask)
     except CommandError as error:
         raise BadMessage(error.code, str(error), ask) from None
