@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from helpers.benchmark_runs import golden_runs, tracked
+from ssiam.datasets import Sequence
 from ssiam.evaluation import pysot, vot_toolkit
 from ssiam.evaluation.eao import INTERVALS, Interval
 from ssiam.evaluation.overlap import vot_overlap
+from ssiam.evaluation.tracked import TrackedSequence
+from ssiam.evaluation.trajectory import Status, Trajectory
 
 
 @pytest.mark.parametrize(
@@ -31,6 +34,17 @@ def test_overlaps_of_runs_are_pysots(golden):
         (one,) = pysot.measured(run).overlaps
         for found, key in ((one.accuracy, "burnin10"), (one.eao, "eao")):
             np.testing.assert_allclose(found, data[f"{run.name}_overlaps_{key}"], atol=1e-6)
+
+
+def test_accuracy_counts_a_column_at_the_border_that_eao_leaves_out():
+    """Columns 300 to 320 of the ground truth in a frame 320 pixels wide, 300 to 310 of the box."""
+    truth, boxes = (np.tile([300.0, 100.0, w, 50.0], (12, 1)) for w in (40.0, 10.0))
+    status = np.full(12, Status.TRACKED, np.int8)
+    status[0], boxes[0] = Status.INITIALIZED, np.nan
+    sequence = Sequence("border", (), truth, size_wh=(320, 240))
+    measured = pysot.measured(TrackedSequence(sequence, (Trajectory(status, boxes),)))
+    assert measured.overlaps[0].accuracy[11] == pytest.approx(11 / 21)
+    assert measured.overlaps[0].eao[11] == pytest.approx(11 / 20)
 
 
 @pytest.mark.parametrize("year", [2016, 2018, 2019])

@@ -1,4 +1,4 @@
-"""Numbers that no tracking loop on synthetic maps would miss: the authors', and the calibrations."""
+"""Hyperparameters against the authors' configuration files, and the calibrations of scores."""
 
 import json
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_siammask_has_the_authors_hyperparameters(name):
 @pytest.mark.parametrize("name", nanotrack.PARAMETERS)
 def test_nanotrack_has_the_authors_hyperparameters(name):
     assert_search(nanotrack.PARAMETERS[name], AUTHORS[name])
-    assert (EXEMPLAR, SEARCH) == (AUTHORS[name]["exemplar"], AUTHORS[name]["instance"])
+    assert (AUTHORS[name]["exemplar"], AUTHORS[name]["instance"]) == (EXEMPLAR, SEARCH)
 
 
 def test_siamfc_has_the_authors_hyperparameters():
@@ -70,8 +70,8 @@ def test_siamfc_has_the_authors_hyperparameters():
 
 def test_anchors_and_context_are_pysots():
     common = AUTHORS["common_pysot"]
-    assert (EXEMPLAR, CONTEXT) == (common["exemplar"], common["context_amount"])
-    assert (ANCHORS, STRIDE) == (len(common["anchor_ratios"]), common["anchor_stride"])
+    assert (common["exemplar"], common["context_amount"]) == (EXEMPLAR, CONTEXT)
+    assert (len(common["anchor_ratios"]), common["anchor_stride"]) == (ANCHORS, STRIDE)
     (scale,) = common["anchor_scales"]
     for ratio, w, h in zip(common["anchor_ratios"], *anchor_boxes(1)[2:], strict=True):
         whole_w = int(np.sqrt(STRIDE**2 / ratio))
