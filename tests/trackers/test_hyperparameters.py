@@ -1,4 +1,4 @@
-"""Hyperparameters against the authors' configuration files, and the calibrations of scores."""
+"""Hyperparameters against the authors' configuration files, and against what was measured."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,8 @@ from ssiam.trackers.siamfc import SiamFcParameters
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 AUTHORS = json.loads((GOLDEN / "hyperparameters.json").read_text())
-CALIBRATED = json.loads((GOLDEN / "confidence.json").read_text())
+MEASURED = json.loads((GOLDEN / "measured.json").read_text())
+CALIBRATED = MEASURED["confidence"]
 
 SIAMMASK = {  # our name: the authors' configuration
     "siammask_r50_l3": "siammask_r50_l3",
@@ -30,9 +31,9 @@ SIAMMASK = {  # our name: the authors' configuration
 }
 
 
-def assert_search(parameters, authors):
+def assert_search(parameters, expected):
     for name in ("penalty_k", "window_influence", "lr"):
-        assert getattr(parameters, name) == authors[name], name
+        assert getattr(parameters, name) == expected[name], name
 
 
 @pytest.mark.parametrize("name", siamrpn.PARAMETERS)
@@ -60,6 +61,11 @@ def test_siammask_has_the_authors_hyperparameters(name):
 def test_nanotrack_has_the_authors_hyperparameters(name):
     assert_search(nanotrack.PARAMETERS[name], AUTHORS[name])
     assert (AUTHORS[name]["exemplar"], AUTHORS[name]["instance"]) == (EXEMPLAR, SEARCH)
+
+
+def test_lite_has_the_measured_hyperparameters():
+    assert_search(lite.PARAMETERS, MEASURED["lite"])
+    assert MEASURED["lite"]["mask_threshold"] == lite.MASK_THRESHOLD
 
 
 def test_siamfc_has_the_authors_hyperparameters():
