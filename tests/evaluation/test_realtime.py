@@ -1,0 +1,72 @@
+"""The realtime protocol: 20 frames a second, and three late frames after each start are free."""
+
+import numpy as np
+import pytest
+
+from ssiam.datasets import Sequence
+from ssiam.evaluation import protocols
+from ssiam.evaluation.protocols import Clocked, run
+from ssiam.track import Track
+
+COUNT = 12
+
+
+class Timed:
+    """A tracker whose calls take given times, in seconds, on its own clock."""
+
+    def __init__(self, seconds):
+        self.now = 0.0
+        self._seconds = iter(seconds)
+        self.tracked_frames = []
+
+    def clock(self):
+        return self.now
+
+    def init(self, frame, box):
+        self.now += next(self._seconds)
+        self._box = box
+
+    def update(self, frame):
+        self.now += next(self._seconds)
+        self.tracked_frames.append(int(frame[0, 0, 0]))
+        return Track(self._box)
+
+
+class Numbered(Sequence):
+    """A sequence whose frames carry their index in their pixels."""
+
+    def images(self, start=0):
+        for index in range(start, len(self)):
+            yield np.full((60, 80, 3), index, np.uint8)
+
+
+def tracked_frames(monkeypatch, seconds):
+    """Indices of the frames that the tracker was given by `run`, the first one excluded."""
+    tracker = Timed(seconds)
+    monkeypatch.setattr(
+        protocols, "Clocked", lambda inner, fps, grace: Clocked(inner, fps, grace, tracker.clock)
+    )
+    truth = np.tile((20.0, 10.0, 12.0, 8.0), (COUNT, 1))
+    run(tracker, Numbered("numbers", tuple(range(COUNT)), truth), "realtime")
+    return tracker.tracked_frames
+
+
+@pytest.mark.parametrize(
+    ("milliseconds", "missed"),
+    [pytest.param(49, [], id="in time"), pytest.param(62, [9], id="late")],
+)
+def test_a_frame_lasts_50_milliseconds(monkeypatch, milliseconds, missed):
+    """After three free frames 12 ms a frame add up to more than 50 ms in five."""
+    frames = tracked_frames(monkeypatch, [0.0] + COUNT * [milliseconds / 1000])
+    assert sorted(set(range(1, COUNT)) - set(frames)) == missed
+
+
+@pytest.mark.parametrize(
+    ("late_frames", "missed"),
+    [pytest.param(3, [], id="three"), pytest.param(4, [5, 6], id="four")],
+)
+def test_three_late_frames_after_a_start_are_free(monkeypatch, late_frames, missed):
+    """A fourth one of 160 ms is 110 ms late: two frames pass meanwhile."""
+    seconds = [0.0] + late_frames * [0.16] + COUNT * [0.01]
+    frames = tracked_frames(monkeypatch, seconds)
+    assert sorted(set(range(1, COUNT)) - set(frames)) == missed

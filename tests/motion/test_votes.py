@@ -1,0 +1,102 @@
+"""Who decides the camera's motion: what is left out, what is refused, and what counts once."""
+
+import cv2
+import numpy as np
+import pytest
+
+from helpers.synthetic import generator, poses, world
+from ssiam import CameraMotion
+from ssiam.geometry import map_points, rigid
+from ssiam.motion.fit import fit_motion
+from ssiam.motion.keypoints import spread
+
+SIZE = (640, 360)
+SCENE = world(3, (960, 540))
+MIDDLE_FROM_SCENE = rigid(-160, -90, 0)
+CORNERS = np.array([[0, 0], [640, 0], [640, 360], [0, 360]])
+
+
+def view(frame_from_middle, scene=SCENE):
+    """A frame of a camera that looks at the middle of a larger scene."""
+    return cv2.warpAffine(scene, (frame_from_middle @ MIDDLE_FROM_SCENE)[:2], SIZE)
+
+
+def corner_error(found, truth):
+    """Mean distance of the frame's corners under two transforms, pixels."""
+    return np.hypot(*(map_points(found, CORNERS) - map_points(truth, CORNERS)).T).mean()
+
+
+def with_panels(frame):
+    """A frame with four opaque panels of a display, 32 % of its area."""
+    covered, panels = frame.copy(), world(9, SIZE)
+    for x, y in ((60, 40), (350, 40), (60, 190), (350, 190)):
+        covered[y : y + 130, x : x + 140] = panels[y : y + 130, x : x + 140]
+    return covered
+
+
+def test_an_overlay_that_was_learned_is_left_out_of_slow_motion():
+    """The panels are learned in a fast pan; a slow one fits their standing still almost as well."""
+    fast, slow = 12.0 * np.arange(6), 60 + 1.5 * np.arange(1, 9)
+    path = [rigid(dx, 0, 0) for dx in (*fast, *slow)]
+    camera = CameraMotion()
+    found = [camera.update(with_panels(view(pose))).cur_from_prev for pose in path]
+    errors = [
+        corner_error(found[t], path[t] @ np.linalg.inv(path[t - 1]))
+        for t in range(len(fast), len(path))
+    ]
+    assert max(errors) < 0.25
+
+
+SMOOTH = cv2.resize(world(5, (240, 240)), (720, 720), interpolation=cv2.INTER_CUBIC)
+SIDE = 300  # px, of the frames
+
+
+@pytest.mark.parametrize("keypoints", ["direct", "gftt"])
+@pytest.mark.parametrize(
+    ("share", "reliable"),
+    [pytest.param(0.19, True, id="27 %"), pytest.param(0.23, False, id="33 %")],
+)
+def test_a_jump_beyond_30_percent_of_the_longer_side_is_unreliable(keypoints, share, reliable):
+    """Both jumps can be estimated; the longer one is a cut."""
+    shift = round(share * SIDE)
+    camera = CameraMotion(keypoints)
+    for start in (150, 150 - shift):
+        motion = camera.update(SMOOTH[start : start + SIDE, start : start + SIDE].copy())
+    assert motion.reliable == reliable
+    expected = (shift, shift) if reliable else (0, 0)
+    assert motion.shift_angle[:2] == pytest.approx(expected, abs=0.5)
+
+
+def test_the_robust_fit_finds_the_largest_group_away_from_the_mean():
+    """Of three motions the least-squares fit is close to the middle one."""
+    r = generator(1)
+    prev_xy = r.uniform((0, 0), (640, 360), (150, 2))
+    truth = rigid(12, -5, 0.02, (320, 180))
+    cur_xy = map_points(truth, prev_xy) + r.normal(0, 0.2, (150, 2))
+    cur_xy[60:105] += (60.0, 0.0)
+    cur_xy[105:] += (120.0, 0.0)
+    found, inliers = fit_motion(prev_xy, cur_xy, "robust", tolerance=1.5)
+    assert corner_error(found, truth) < 0.3
+    assert inliers == pytest.approx(60 / 150, abs=0.02)
+
+
+def test_one_keypoint_a_cell_the_strongest():
+    """Cells are 40 x 30 pixels; keypoints come strongest first."""
+    points = np.array([[5, 5], [39, 29], [41, 5], [6, 6], [639, 359]], np.float32)
+    kept = spread(points, SIZE)
+    assert sorted(map(tuple, kept.tolist())) == [(5, 5), (41, 5), (639, 359)]
+
+
+@pytest.mark.parametrize("keypoints", ["orb", "gftt"])
+def test_area_outvotes_texture_among_keypoints(keypoints):
+    """A target with most of the keypoints on 5 % of the area does not win without its box."""
+    pale = (SCENE // 3 + 90).astype(np.uint8)
+    target = np.clip((world(9)[:90, :120].astype(int) - 120) * 2 + 120, 0, 255).astype(np.uint8)
+    path = poses(generator(4).normal(0, (4, 4, 0.005), (8, 3)), SIZE)
+    camera = CameraMotion(keypoints)
+    for t, pose in enumerate(path):
+        frame = view(pose, pale)
+        frame[60 + 5 * t : 150 + 5 * t, 100 + 9 * t : 220 + 9 * t] = target
+        found = camera.update(frame).cur_from_prev
+        truth = pose @ np.linalg.inv(path[t - 1]) if t else np.eye(3)
+        assert corner_error(found, truth) < 0.5
