@@ -1,9 +1,9 @@
-"""Make the demo clip: a steady surveillance picture, seen by a camera that shakes.
+"""Make the demo clip: footage of a fixed surveillance camera, with a simulated camera shake.
 
 Conventions as in `ssiam.geometry`: pixels, x right, y down, 0-based; angles in radians, clockwise
-on screen; ``clip_from_source @ (x, y, 1)`` takes a source point to the clip. A motion row is
-(dx, dy, angle), the way the picture moves in the clip: the still window's picture turned by angle
-about the window centre, then shifted by (dx, dy). The camera itself moves the other way.
+on screen; ``clip_from_source @ (x, y, 1)`` maps a source point to the clip. A motion row is
+(dx, dy, angle), the motion of the image in the clip: the image in the still window is rotated by
+angle about the window's center, then shifted by (dx, dy). The camera itself moves the other way.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ CLIP_FPS = 25
 CRF = "23"
 STILL_WINDOW_XY = (64, 48)
 
-# Standard deviations of dx, dy (pixels) and angle (radians), frame by frame. White jitter of 3 %
-# of the clip's width and 1 % of its height; it is cut at two deviations,
-# so that the shaken window always fits into the source picture.
+# Standard deviations of dx, dy (pixels) and angle (radians) in each frame. The white jitter is 3 %
+# of the clip's width and 1 % of its height; it is clipped at two standard deviations, so that the
+# shaken window always fits into the source frame.
 JITTER = (19.2, 3.5, 0.006)
-JITTER_REACH = 2.0
+JITTER_LIMIT = 2.0  # standard deviations
 DRIFT = (7.0, 9.0, 0.010)
-DRIFT_CUTOFF = 0.1
+DRIFT_CUTOFF = 0.1  # cycles a frame
 PAN_PX = 10.0
 SEED = 3
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Write the clip, its ground truth and its motion from the arguments given."""
+    """Write the clip, its ground truth and its motion; `argv` defaults to the command line's."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("source", type=Path, help="vtest.avi of the OpenCV samples")
     parser.add_argument("--out", type=Path, default=HERE, help="folder to write to")
     parser.add_argument(
-        "--seed", type=int, default=SEED, help="of the shake (default: %(default)s)"
+        "--seed", type=int, default=SEED, help="seed of the shake (default: %(default)s)"
     )
     args = parser.parse_args(argv)
     cv2.setNumThreads(1)
@@ -67,7 +67,7 @@ def make_clip(source: Path, out: Path, seed: int) -> None:
     transforms = [clip_from_source(row) for row in motion]
     height, width = frames[0].shape[:2]
     check_window(transforms, (width, height))
-    clip = [see(frame, transform) for frame, transform in zip(frames, transforms, strict=True)]
+    clip = [render(frame, transform) for frame, transform in zip(frames, transforms, strict=True)]
     source_boxes = interpolate_boxes(HERE / "walker-keyboxes.csv", FIRST_FRAME, LAST_FRAME)
     clip_boxes = [map_box(t, xywh) for t, xywh in zip(transforms, source_boxes, strict=True)]
     check_boxes(clip_boxes)
@@ -77,7 +77,7 @@ def make_clip(source: Path, out: Path, seed: int) -> None:
 
 
 def read_frames(path: Path, first: int, last: int) -> list[Image]:
-    """Frames `first` to `last`, both included, of a video; (H, W, 3) uint8, BGR."""
+    """Read the frames `first` to `last` (inclusive) of a video; (H, W, 3) uint8, BGR."""
     if not path.is_file():
         raise FileNotFoundError(f"no video {path}; README.md says where vtest.avi comes from")
     with av.open(str(path)) as container:
@@ -92,7 +92,7 @@ def read_frames(path: Path, first: int, last: int) -> list[Image]:
 
 
 def shake(count: int, seed: int) -> NDArray[np.float64]:
-    """Motion (N, 3) of the picture: a slow pan, 1/f drift and white jitter in dx, dy and angle."""
+    """Return the motion (N, 3) of the image: slow pan, 1/f drift and white jitter."""
     rng = np.random.default_rng(seed)
     motion = np.column_stack(
         [
@@ -105,59 +105,59 @@ def shake(count: int, seed: int) -> NDArray[np.float64]:
 
 
 def drift(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Wander (N,) of zero mean and unit deviation, its amplitude falling as 1/frequency.
+    """Return 1/f noise (N,) of zero mean and unit standard deviation.
 
-    Nothing is left above `DRIFT_CUTOFF` cycles per frame; faster movement is the jitter's.
+    The amplitude is zero above `DRIFT_CUTOFF`; faster motion comes from the jitter.
     """
     frequency = np.fft.rfftfreq(count)
     slow = (frequency > 0) & (frequency <= DRIFT_CUTOFF)
     amplitude = np.zeros(frequency.shape)
     amplitude[slow] = 1 / frequency[slow]
     phase = rng.uniform(0, 2 * np.pi, frequency.shape)
-    wander = np.fft.irfft(amplitude * np.exp(1j * phase), count)
-    return np.asarray(wander / wander.std(), dtype=np.float64)
+    noise = np.fft.irfft(amplitude * np.exp(1j * phase), count)
+    return np.asarray(noise / noise.std(), dtype=np.float64)
 
 
 def jitter(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """White Gaussian noise (N,) of unit deviation, cut at `JITTER_REACH`."""
-    return np.clip(rng.standard_normal(count), -JITTER_REACH, JITTER_REACH)
+    """Return white Gaussian noise (N,) of unit standard deviation, clipped at `JITTER_LIMIT`."""
+    return np.clip(rng.standard_normal(count), -JITTER_LIMIT, JITTER_LIMIT)
 
 
 def clip_from_source(motion_row: NDArray[np.float64]) -> Transform:
-    """Transform of one frame: the still window's corner to the origin, then the shake."""
+    """Return the transform of one frame: still window's corner to the origin, then the shake."""
     dx, dy, angle = motion_row
     still_from_source = rigid(-STILL_WINDOW_XY[0], -STILL_WINDOW_XY[1], 0.0)
     return rigid(dx, dy, angle, frame_centre(CLIP_WH)) @ still_from_source
 
 
-def see(source_frame: Image, transform: Transform) -> Image:
-    """Clip frame that `transform`, clip from source, makes of a source frame; bilinear."""
+def render(source_frame: Image, transform: Transform) -> Image:
+    """Warp a source frame to a clip frame by `transform` (clip from source); bilinear."""
     warped = cv2.warpAffine(source_frame, transform[:2], CLIP_WH, flags=cv2.INTER_LINEAR)
     return np.asarray(warped, dtype=np.uint8)
 
 
 def check_window(transforms: Sequence[Transform], source_wh: tuple[int, int]) -> None:
-    """Raise `ValueError` if a clip frame would show anything beyond the source picture."""
+    """Raise `ValueError` if a clip frame would show anything outside the source frame."""
     width, height = CLIP_WH
     clip_corners = corners_from_xywh((0, 0, width - 1, height - 1))
     for index, transform in enumerate(transforms):
         corners = map_points(np.linalg.inv(transform).astype(np.float64), clip_corners)
         if (corners < 0).any() or (corners > np.array(source_wh) - 1).any():
-            raise ValueError(f"frame {index} leaves the source picture; take another seed")
+            raise ValueError(f"frame {index} leaves the source frame; choose another seed")
 
 
 def interpolate_boxes(path: Path, first: int, last: int) -> NDArray[np.float64]:
-    """Boxes xywh (N, 4) in source pixels, linear between the key boxes of a CSV file."""
+    """Return boxes xywh (N, 4) in source pixels, linear between the key boxes of a CSV file."""
     keys = np.loadtxt(path, delimiter=",", skiprows=1)
     frames = np.arange(first, last + 1)
     return np.column_stack([np.interp(frames, keys[:, 0], keys[:, k]) for k in range(1, 5)])
 
 
 def check_boxes(clip_boxes: Sequence[XYWH]) -> None:
-    """Raise `ValueError` if the walker is not wholly inside a frame of the clip."""
+    """Raise `ValueError` if the walker's box is not completely inside a frame of the clip."""
     for index, (x, y, w, h) in enumerate(clip_boxes):
         if x < 0 or y < 0 or x + w > CLIP_WH[0] or y + h > CLIP_WH[1]:
-            raise ValueError(f"the walker leaves frame {index} of the clip; take another seed")
+            raise ValueError(f"the walker leaves frame {index} of the clip; choose another seed")
 
 
 def write_video(path: Path, frames: Sequence[Image]) -> None:

@@ -1,4 +1,4 @@
-"""The README's first example, run as it stands."""
+"""The README's first example and the demo, run as they are."""
 
 import re
 import subprocess
@@ -17,28 +17,28 @@ def test_first_example_runs_and_ends_on_the_walker():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    found = np.array([float(v) for v in re.findall(r"-?\d+\.\d+", done.stdout)])
+    last_xywh = np.array([float(v) for v in re.findall(r"-?\d+\.\d+", done.stdout)])
     truth = np.loadtxt(ROOT / "examples" / "shaky-walker.txt", delimiter=",")[-1]
-    assert np.hypot(*(found[:2] - truth[:2])) < 15
+    assert np.hypot(*(last_xywh[:2] - truth[:2])) < 15
 
 
-def demonstrated(out, *options):
-    """In how many frames each steadying held the walker."""
+def run_demo(out, *options):
+    """Number of frames in which the demo tracked the walker, by stabilization method."""
     command = [sys.executable, str(ROOT / "examples" / "demo.py"), "--out", str(out), *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    held = re.findall(r"stabilize=(\w+).*? in +(\d+) of 117", done.stdout)
-    return {stabilize: int(frames) for stabilize, frames in held}
+    counts = re.findall(r"stabilize=(\w+).*? in +(\d+) of 117", done.stdout)
+    return {stabilize: int(frames) for stabilize, frames in counts}
 
 
-def test_the_demo_runs_and_the_predicted_view_holds_the_walker(tmp_path):
-    held = demonstrated(tmp_path)
-    assert held["predict"] > max(100, held["off"] - 5)
-    pictures = ("comparison.png", "paper-path.png", "predict-path.png")
-    for name in ("off.mp4", "paper.mp4", "predict.mp4", *pictures):
+def test_the_demo_runs_and_predict_tracks_the_walker(tmp_path):
+    tracked = run_demo(tmp_path)
+    assert tracked["predict"] > max(100, tracked["off"] - 5)
+    images = ("comparison.png", "paper-path.png", "predict-path.png")
+    for name in ("off.mp4", "paper.mp4", "predict.mp4", *images):
         assert (tmp_path / name).stat().st_size > 10_000
 
 
-def test_steadying_holds_the_walker_with_a_weaker_tracker(tmp_path):
-    held = demonstrated(tmp_path, "--tracker", "csrt")
-    assert min(held["paper"], held["predict"]) > held["off"] + 20
+def test_stabilization_tracks_the_walker_with_a_weaker_tracker(tmp_path):
+    tracked = run_demo(tmp_path, "--tracker", "csrt")
+    assert min(tracked["paper"], tracked["predict"]) > tracked["off"] + 20
