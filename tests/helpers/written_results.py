@@ -8,7 +8,7 @@ from ssiam.geometry import rigid
 from ssiam.motion import Motion
 from ssiam.track import Track
 from ssiam.video import open_results
-from ssiam.video.layouts import COLUMNS
+from ssiam.video.results import COLUMNS
 
 SIZE, FPS = (160, 96), 25.0
 CORNERS = np.array([[0.0, 1.0], [5.0, 1.5], [4.5, 7.0], [-0.5, 6.0]])

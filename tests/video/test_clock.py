@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from helpers.video_clips import NTSC
-from ssiam.video.clock import Clock, as_rate
+from ssiam.video.sinks import Clock, as_rate
 
 RATES = [
     ("fraction", NTSC, NTSC),

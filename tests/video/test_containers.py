@@ -74,7 +74,7 @@ def test_frames_are_as_ffmpeg_shows_them(tmp_path, flags):
 def test_video_displays_as_its_source(tmp_path, name):
     given = anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
     with open_source(given) as source:
-        aspect = source.facts.pixel_aspect
+        aspect = source.info.pixel_aspect
         assert aspect == Fraction(16, 15)
         with VideoSink(tmp_path / name, source.fps, pixel_aspect=aspect) as sink:
             for frame in source:
@@ -87,7 +87,7 @@ def test_pixels_of_turned_videos_are_turned(tmp_path):
     set_display_matrix(path, (0, 1, -1, 0))
     with open_source(path) as source:
         assert source.size_wh == (96, 160)
-        assert source.facts.pixel_aspect == Fraction(3, 4)
+        assert source.info.pixel_aspect == Fraction(3, 4)
 
 
 @pytest.mark.parametrize("name", ["two.mp4", "two.mkv", "two.ts"])
@@ -120,7 +120,7 @@ def test_streams_that_are_not_there(tmp_path):
 def _copied(path, out, frames=None):
     with (
         open_source(path, sound=True) as source,
-        VideoSink(out, source.fps, sound=source.facts.sound) as sink,
+        VideoSink(out, source.fps, sound=source.info.sound) as sink,
     ):
         for frame in islice(source, frames):
             sink.write(frame.image, frame.time)
@@ -174,7 +174,7 @@ def test_sound_stays_with_its_frames_where_they_begin_later(tmp_path):
     path = with_sound(tmp_path / "a.mkv", "pcm_s16le", count=100)
     with (
         open_source(path, sound=True) as source,
-        VideoSink(tmp_path / "o.mkv", source.fps, sound=source.facts.sound) as sink,
+        VideoSink(tmp_path / "o.mkv", source.fps, sound=source.info.sound) as sink,
     ):
         for frame in islice(source, 50, None):
             sink.write(frame.image, frame.time)
@@ -210,12 +210,12 @@ def test_frames_without_times_have_no_sound_and_keep_none(tmp_path):
     path = with_sound(tmp_path / "a.mkv", "pcm_s16le")
     with (
         open_source(path, sound=True) as source,
-        VideoSink(tmp_path / "o.mkv", 25, sound=source.facts.sound) as sink,
+        VideoSink(tmp_path / "o.mkv", 25, sound=source.info.sound) as sink,
     ):
         for frame in source:
             sink.write(frame.image)
     assert "no times" in sink.silence
-    assert source.facts.sound.next_before(1e9) is None
+    assert source.info.sound.next_before(1e9) is None
 
 
 def test_without_sound_nothing_is_said(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from helpers.video_clips import number_in, picture, python
 from ssiam.errors import ArgumentError, SourceError
 from ssiam.video import RawFormat, open_source
-from ssiam.video.levels import LEVEL_FRAMES, Levels, levels_of
+from ssiam.video.levels import LEVEL_FRAMES, Levels, find_levels
 
 LOW, SCALE = 7000, 6
 
@@ -70,7 +70,7 @@ def test_deep_sources_keep_what_they_show(tmp_path, kind):
     true = picture(3) if kind == "color" else cv2.cvtColor(gray(3), cv2.COLOR_GRAY2BGR)
     assert len(np.unique(frames[3].image)) > 0.8 * len(np.unique(true))
     assert np.corrcoef(stretched.ravel(), true.ravel())[0, 1] > 0.999
-    assert "--levels" in source.facts.remarks[0]
+    assert "--levels" in source.info.remarks[0]
 
 
 def test_one_stretch_for_the_whole_source(tmp_path):
@@ -92,7 +92,7 @@ def test_levels_of_ones_own(tmp_path):
     folder = _folder(tmp_path, ".png", thermal)
     with open_source(folder, levels=(LOW, LOW + 255 * SCALE)) as source:
         frame = next(source)
-        assert source.facts.remarks == []
+        assert source.info.remarks == []
     assert np.abs(frame.image[..., 0].astype(int) - gray(0)).max() <= 1
 
 
@@ -133,7 +133,7 @@ def test_eight_bits_are_left_alone(tmp_path):
     folder = _folder(tmp_path, ".png", picture, 3)
     with open_source(folder) as source:
         assert all(np.array_equal(f.image, picture(f.index)) for f in source)
-        assert source.facts.remarks == []
+        assert source.info.remarks == []
     with pytest.raises(SourceError, match=r"has 8 bits a value already; leave out the levels 1,9"):
         open_source(folder, levels=(1, 9))
     with pytest.raises(SourceError, match="leave out the levels"):
@@ -149,12 +149,12 @@ def test_impossible_levels(levels):
 
 
 def test_levels_of_nothing():
-    assert levels_of([]) is None
-    assert levels_of([np.full((9, 9), np.nan, np.float32)]) is None
-    assert levels_of([picture(1)]) is None
+    assert find_levels([]) is None
+    assert find_levels([np.full((9, 9), np.nan, np.float32)]) is None
+    assert find_levels([picture(1)]) is None
     hot = np.full((100, 100), 300.0, np.float32)
     hot[0, 0], hot[:50] = np.inf, 290.0
-    levels = levels_of([hot])
+    levels = find_levels([hot])
     assert (levels.low, levels.high) == pytest.approx((289.5, 300.5))
 
 

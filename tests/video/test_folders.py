@@ -9,7 +9,7 @@ import pytest
 from helpers.video_clips import drained, number_in, picture, write_clip
 from ssiam.errors import FrameSizeError, SourceError, StreamError
 from ssiam.video import open_source
-from ssiam.video.cameras import open_capture
+from ssiam.video.sources import open_capture
 
 
 def _save(folder, names):

@@ -94,15 +94,15 @@ def test_frames_that_cannot_be_decoded_are_counted(tmp_path, codec):
     path = scratched(tmp_path / "clip.mov", (10, 11, 25), codec)
     with open_source(path) as source:
         numbers = [number_in(frame.image) for frame in source]
-    assert len(numbers) + source.facts.undecoded == 40
-    assert source.facts.undecoded == 3
+    assert len(numbers) + source.info.undecoded == 40
+    assert source.info.undecoded == 3
     assert set(range(40)) - set(numbers) == {10, 11, 25}
 
 
 def test_whole_files_have_none(tmp_path):
     with open_source(write_clip(tmp_path / "clip.mp4", 40)) as source:
         assert len(list(source)) == 40
-    assert source.facts.undecoded == 0
+    assert source.info.undecoded == 0
 
 
 def test_a_file_that_is_cut_while_it_is_decoded_ends_nothing(tmp_path, monkeypatch):

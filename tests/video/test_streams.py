@@ -17,7 +17,7 @@ import pytest
 from helpers.video_clips import NTSC, drained, picture, python, write_clip, y4m
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
-from ssiam.video.addresses import public_name
+from ssiam.video.sources import redact_address
 
 _READ_STDIN = """
 import json, sys
@@ -186,4 +186,4 @@ NAMES = [
 
 @pytest.mark.parametrize(("address", "public"), NAMES, ids=[n[0] for n in NAMES])
 def test_public_name(address, public):
-    assert public_name(address) == public
+    assert redact_address(address) == public

@@ -55,8 +55,8 @@ def _camera(count, gap, *, lengths=True):
 @pytest.mark.parametrize("lengths", [True, False])
 def test_mjpeg_over_http_has_the_times_of_arrival(lengths):
     with _camera(8, 0.25, lengths=lengths) as address, open_source(address) as source:
-        assert not source.facts.is_rate_known
-        assert source.facts.is_variable
+        assert not source.info.is_rate_known
+        assert source.info.is_variable
         times = []
         with pytest.raises(Exception, match="broke off"):
             times.extend(frame.time for frame in source)
@@ -87,8 +87,8 @@ def test_bare_pictures_have_no_times(tmp_path):
     path = write_clip(tmp_path / "clip.mjpeg", 6, codec="mjpeg", rate=Fraction(25), format="mjpeg")
     with open_source(path) as source:
         assert [frame.time for frame in source] == [None] * 6
-        assert not source.facts.is_rate_known
-        assert source.facts.remarks == ["tells no times: taken as 25 a second"]
+        assert not source.info.is_rate_known
+        assert source.info.remarks == ["tells no times: taken as 25 a second"]
 
 
 def test_piped_png_has_no_times():
@@ -105,7 +105,7 @@ def test_bare_h264_keeps_the_rate_that_it_tells(tmp_path):
     path = write_clip(tmp_path / "clip.h264", 30, rate=Fraction(50), format="h264")
     with open_source(path) as source:
         assert source.fps == 50
-        assert source.facts.is_rate_known
+        assert source.info.is_rate_known
 
 
 @pytest.mark.parametrize("name", ["clip.dv", "dv.avi"])
@@ -142,7 +142,7 @@ def test_ticks_of_the_clock_are_no_rate(tmp_path, name):
     path = write_clip(tmp_path / name, 40, seconds=seconds, codec_options={"bf": "0"})
     with open_source(path) as source:
         assert 20 < source.fps < 45
-        assert source.facts.is_variable
+        assert source.info.is_variable
         assert [frame.time for frame in source] == pytest.approx(seconds, abs=0.002)
 
 

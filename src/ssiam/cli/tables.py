@@ -21,7 +21,7 @@ from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.summaries import Summaries
 from ssiam.evaluation.table_page import PAGE, Section, markdown_table, write_page
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
-from ssiam.video.folders import image_paths
+from ssiam.video.images import image_paths
 
 _YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
 _EXPLANATION: Final = (

@@ -111,7 +111,7 @@ def track(
         stack.enter_context(outputs)
         _follow(group, first, frames, boxes, outputs, report, choice.threads)
     report.check_whole()
-    if frames.facts.undecoded:
+    if frames.info.undecoded:
         raise StreamError(
             f"{frames.name}: {_undecoded(frames)}; what came before and after them was tracked"
         )
@@ -119,12 +119,12 @@ def track(
 
 def _remarks(frames: Source, outputs: Outputs) -> list[str]:
     """What the user should know of the source and the outputs, a line each."""
-    lost = [_undecoded(frames)] if frames.facts.undecoded else []
-    return [*(f"source: {line}" for line in (*frames.facts.remarks, *lost)), *outputs.remarks]
+    lost = [_undecoded(frames)] if frames.info.undecoded else []
+    return [*(f"source: {line}" for line in (*frames.info.remarks, *lost)), *outputs.remarks]
 
 
 def _undecoded(frames: Source) -> str:
-    count = frames.facts.undecoded
+    count = frames.info.undecoded
     return f"{count} frame{'s' * (count > 1)} of it could not be decoded and are left out"
 
 

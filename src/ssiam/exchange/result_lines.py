@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from ssiam.exchange.errors import AnnotationsError
-from ssiam.video.layouts import COLUMNS
+from ssiam.video.results import COLUMNS
 
 Record: TypeAlias = Mapping[str, float | None]
 
