@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from helpers.written_results import CORNERS, FPS, SIZE, TRACKS, csv_of, written
 from ssiam.errors import ArgumentError
 from ssiam.exchange import Annotation, Annotations, read_annotations
-from ssiam.exchange.annotations import annotation_of
+from ssiam.exchange.annotations import annotation_from_track
 from ssiam.track import Track
 
 
@@ -25,7 +25,7 @@ def test_what_ssiam_track_writes_comes_back(tmp_path, name):
     assert (read.size_wh, read.fps, read.frame_count) == (SIZE, FPS, 2)
     assert read.names == ("target 1", "target 2", "target 3")
     assert read.rows == tuple(
-        annotation_of(frame, frame / 25, target, track)
+        annotation_from_track(frame, frame / 25, target, track)
         for frame, tracks in enumerate(frames)
         for target, track in enumerate(tracks, start=1)
     )
@@ -47,7 +47,9 @@ def test_any_track_comes_back(frames, suffix):
     with tempfile.TemporaryDirectory() as folder:
         path = written(Path(folder) / f"r.{suffix}", [[track] for track in frames])
         rows = read_annotations(path, SIZE, FPS).rows
-    assert rows == tuple(annotation_of(i, i / 25, 1, track) for i, track in enumerate(frames))
+    assert rows == tuple(
+        annotation_from_track(i, i / 25, 1, track) for i, track in enumerate(frames)
+    )
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.jsonl"])
@@ -55,8 +57,8 @@ def test_a_box_that_is_no_number_is_a_lost_target(tmp_path, name):
     broken = Track((math.nan, 2, 3, 4), score=math.nan, corners=np.full((4, 2), math.nan))
     (row,) = read_annotations(written(tmp_path / name, [[broken]]), SIZE, FPS).rows
     assert row == Annotation(0, 0.0, 1, (0.0, 0.0, 0.0, 0.0), None, 0.0, lost=True)
-    assert row == annotation_of(0, 0.0, 1, broken)
-    assert not row.seen
+    assert row == annotation_from_track(0, 0.0, 1, broken)
+    assert not row.visible
 
 
 def test_frames_and_targets_may_be_left_out(tmp_path):

@@ -79,7 +79,7 @@ def test_json_values_are_numbers(tmp_path, value, words):
 
 
 def test_the_number_of_lines_is_limited(tmp_path, monkeypatch):
-    monkeypatch.setattr("ssiam.exchange.result_lines._MOST_LINES", 3)
+    monkeypatch.setattr("ssiam.exchange.result_files._MOST_LINES", 3)
     path = tmp_path / "r.csv"
     path.write_text(csv_of({"frame": "0"}, {"frame": "1"}))
     assert len(read_annotations(path, SIZE, FPS).rows) == 2

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssiam.exchange import Annotation, Annotations, write_exports
-from ssiam.exchange.boxes import turned_box
+from ssiam.exchange.annotations import rotated_box
 
 WIDTH, HEIGHT, FRAMES, TARGETS = 320, 240, 12, 3
 
@@ -107,7 +107,7 @@ def shown_by_got10k(path, length, numbers):
 @settings(max_examples=60, deadline=None)
 @given(any_annotations())
 def test_a_target_is_shown_where_it_is_seen_and_nowhere_else(annotations):
-    expected = {(row.frame, row.target): row.xywh for row in annotations.rows if row.seen}
+    expected = {(row.frame, row.target): row.xywh for row in annotations.rows if row.visible}
     length = annotations.frame_count
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "export"
@@ -131,16 +131,16 @@ def test_a_target_is_shown_where_it_is_seen_and_nowhere_else(annotations):
     st.integers(0, 3),
     st.booleans(),
 )
-def test_a_turned_box_has_the_corners_it_came_from(centre, size, degrees, start, reverse):
+def test_a_rotated_box_has_the_corners_it_came_from(centre, size, degrees, start, reverse):
     corners = turned(centre, size, degrees)
     ordered = np.roll(corners[::-1] if reverse else corners, start, axis=0)
-    box = turned_box(Annotation(0, None, 1, (0, 0, 1, 1), tuple(map(tuple, ordered.tolist()))))
+    box = rotated_box(Annotation(0, None, 1, (0, 0, 1, 1), tuple(map(tuple, ordered.tolist()))))
     assert abs(box.degrees) <= 45 + 1e-6
     again = turned((box.cx, box.cy), (box.w, box.h), box.degrees)
     distances = np.linalg.norm(again[:, None] - corners, axis=2)
     assert distances.min(axis=1).max() < 1e-6
     assert sorted(distances.argmin(axis=1)) == [0, 1, 2, 3]
-    assert again[0] == pytest.approx(box.turned_xy, abs=1e-9)
+    assert again[0] == pytest.approx(box.rotated_xy, abs=1e-9)
 
 
 def turned(centre, size, degrees):

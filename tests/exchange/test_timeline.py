@@ -6,7 +6,8 @@ from fractions import Fraction
 
 import pytest
 
-from ssiam.exchange import Annotation, Annotations, timeline
+from ssiam.exchange import Annotation, Annotations
+from ssiam.exchange import labelstudio as timeline
 
 BOX = (1.0, 2.0, 30.0, 40.0)
 NTSC = Fraction(30000, 1001)

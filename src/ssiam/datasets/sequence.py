@@ -82,9 +82,7 @@ class Sequence:
         for path in paths[start:]:
             image = _as_it_is(path)
             if image.dtype != np.uint8 and levels is None:
-                levels = find_levels(map(_as_it_is, paths[:LEVEL_FRAMES])) or find_levels(
-                    [image]
-                )
+                levels = find_levels(map(_as_it_is, paths[:LEVEL_FRAMES])) or find_levels([image])
             yield to_8bit(image, levels)
 
     def _decoded(self, path: Path, start: int) -> Iterator[Image]:
