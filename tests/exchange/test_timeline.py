@@ -6,8 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from ssiam.exchange import Annotation, Annotations
-from ssiam.exchange import labelstudio as timeline
+from ssiam.exchange import Annotation, Annotations, timeline
 
 BOX = (1.0, 2.0, 30.0, 40.0)
 NTSC = Fraction(30000, 1001)

@@ -12,8 +12,7 @@ from cyclopts import Parameter
 
 from ssiam.cli.options import report_left_parts, split_words
 from ssiam.errors import ArgumentError
-from ssiam.exchange import ExportKind, read_annotations, write_exports
-from ssiam.exchange import labelstudio as timeline
+from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_apart, check_output, is_stream, left_parts
 from ssiam.video import open_source
 from ssiam.video.source_files import check_apart_from_source
