@@ -15,7 +15,7 @@ from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_apart, check_output, is_stream, left_parts
 from ssiam.video import open_source
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 
 
 def export(
@@ -62,7 +62,7 @@ def export(
     if video is None:
         check_apart([("--out", out)], inputs)
     else:
-        check_apart_from_source([("--out", out)], video, inputs)
+        check_distinct_from_source([("--out", out)], video, inputs)
     check_output(out, overwrite=overwrite)
     report_left_parts(left_parts(out))
     video_info = _video_info(video, size, fps, stream)

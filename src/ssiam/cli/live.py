@@ -23,7 +23,7 @@ from ssiam.cli.options import (
 )
 from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, left_parts
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 from ssiam.web import Health, Note, Session
 from ssiam.web.recording import left_behind
 
@@ -100,11 +100,11 @@ def live(
         )
         stack.push(partial(_exit_if_stuck, session))
         stack.callback(session.close)
-        session.notes(_print)
-        session.healths(_print)
+        session.notes(_show)
+        session.healths(_show)
         for folder in left_behind():
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
-            _print(Note("info", f"{text} lists them"))
+            _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
         session.start()
         if mavlink is not None:
@@ -132,7 +132,7 @@ def _check_outputs(
     """Refuse outputs that are inputs, and an existing file of --rerun without --overwrite."""
     options = (("--recordings", recordings), ("--rerun", rerun))
     outputs = [(option, path) for option, path in options if path is not None]
-    check_apart_from_source(outputs, source, weights)
+    check_distinct_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
         report_left_parts(left_parts(rerun))
@@ -154,6 +154,6 @@ def _exit_if_stuck(
     os._exit(code if isinstance(code, int) else STUCK)
 
 
-def _print(news: Note | Health) -> None:
+def _show(news: Note | Health) -> None:
     if news.message:
         print(f"ssiam: {news.message}", file=sys.stderr, flush=True)

@@ -25,7 +25,7 @@ from ssiam.video import (
     side_by_side,
 )
 from ssiam.video.results import result_paths
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class OutputPaths:
         SinkError
             An output cannot be written, or exists and is not to be overwritten.
         """
-        check_apart_from_source(self.files(), source, weights)
+        check_distinct_from_source(self.files(), source, weights)
         for _, path in self.files():
             check_output(path, overwrite=self.overwrite)
 

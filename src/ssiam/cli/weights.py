@@ -17,7 +17,7 @@ from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
 from ssiam.trackers import loading
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
 _CALIBRATION_IMAGES: Final = 64  # read for calibration, evenly spaced
@@ -195,4 +195,4 @@ def _check_folder(
     if pictures is None:
         check_apart(outputs, inputs)
     else:
-        check_apart_from_source(outputs, pictures, inputs)
+        check_distinct_from_source(outputs, pictures, inputs)

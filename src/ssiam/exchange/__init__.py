@@ -1,11 +1,12 @@
 """Tracks for other programs: annotation tools, supervision, Rerun."""
 
+from ssiam.errors import AnnotationsError
 from ssiam.exchange.annotations import Annotation, Annotations, annotation_from_track
 from ssiam.exchange.detections import to_detections
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
 from ssiam.exchange.labelstudio import Timeline, timeline
 from ssiam.exchange.rerun import RerunLog
-from ssiam.exchange.result_files import AnnotationsError, read_annotations
+from ssiam.exchange.result_files import read_annotations
 
 __all__ = [
     "EXPORT_KINDS",

@@ -11,7 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from ssiam.errors import ArgumentError, SsiamError
+from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
 from ssiam.video.results import COLUMNS
 
@@ -25,10 +25,6 @@ _LONGEST_VALUE: Final = 40  # characters of a bad value that a message quotes
 # Exports contain one line per frame up to the last one.
 _LAST_FRAME: Final = 999_999
 _LAST_TARGET: Final = 1000
-
-
-class AnnotationsError(SsiamError):
-    """Results that cannot be read as annotations; names the file and, if known, the line."""
 
 
 def read_annotations(

@@ -1,4 +1,4 @@
-"""`check_apart_from_source`: outputs must not be files that a source is read from."""
+"""`check_distinct_from_source`: outputs must not be files that a source is read from."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST_LIST = 1 << 20  # bytes read of a playlist
 _STANDARD_INPUT = Path("/dev/stdin")  # also when it is redirected from a file
 
 
-def check_apart_from_source(
+def check_distinct_from_source(
     outputs: Sequence[NamedPath], source: str, inputs: Iterable[NamedPath] = ()
 ) -> None:
     """`check_apart` for the files that `open_source` would read, and for other inputs.
