@@ -32,8 +32,8 @@ def test_list_shows_where_weights_are_published(capsys):
     for tracker, publication in PUBLISHED.items():
         assert f"{tracker}: not available" in out
         assert f"{publication.file} at {publication.where}" in out
-    assert "size about 9.4 MB, licence MIT" in out
-    assert "size unknown, licence CC BY-SA 3.0" in out
+    assert "size about 9.4 MB, license MIT" in out
+    assert "size unknown, license CC BY-SA 3.0" in out
 
 
 def test_imported_weights_are_listed_and_can_be_imported_again(models, cache, tmp_path, capsys):
@@ -111,4 +111,4 @@ def test_network_without_a_tracker_is_refused(models, tmp_path, capsys):
 
     file = saved(tmp_path / "base.pth", flat_state("SiamMask_foolwood_base"))
     assert main(["weights", "import", str(file)]) == 2
-    assert "siammask_base, for which there is no tracker" in capsys.readouterr().err
+    assert "siammask_base, which no tracker uses" in capsys.readouterr().err

@@ -22,7 +22,7 @@ def _gray(number):
 
 
 def _thermal(number):
-    """14 bits in 16, as from _thermal cameras: the scene fills a fortieth of the range."""
+    """14 bits in 16, as from thermal cameras: the scene fills a fortieth of the range."""
     return (LOW + _gray(number).astype(np.uint16) * SCALE).astype(np.uint16)
 
 
@@ -35,7 +35,7 @@ def _folder(tmp_path, suffix, image_of, count=12):
 
 
 def _video(tmp_path, pixel_format, image_of, count=12):
-    path = tmp_path / "_thermal.mkv"
+    path = tmp_path / "thermal.mkv"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("ffv1", rate=25)
         stream.width, stream.height, stream.pix_fmt = 160, 96, pixel_format
@@ -99,7 +99,7 @@ def test_explicit_levels(tmp_path):
 
 
 def test_first_frames_without_content(tmp_path):
-    """A _thermal camera starts with a closed shutter."""
+    """A thermal camera starts with a closed shutter."""
 
     def image_of(number):
         flat = np.full((96, 160), 3000, np.uint16) + (np.arange(160) % 3).astype(np.uint16)

@@ -74,18 +74,18 @@ def evaluate(
     """
     if not results.is_dir():
         raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
-    shaken_dataset = shaken_as(results, open_dataset(dataset))
+    truth = shaken_as(results, open_dataset(dataset))
     if experiment == "ope":
         if compare:
-            raise ArgumentError("--compare is for supervised runs; leave it out with ope")
-        _one_pass(results, list(shaken_dataset.sequences.values()), json_output)
+            raise ArgumentError("--compare is for supervised runs; omit it with ope")
+        _one_pass(results, list(truth.sequences.values()), json_output)
         return
     folders = _trackers(results, experiment)
-    interval = interval_of(shaken_dataset.name, year)
+    interval = interval_of(truth.name, year)
     if compare and len(folders) == 1:
         raise ArgumentError(f"{results}: --compare needs the results of several trackers")
-    sequences = list(shaken_dataset.sequences.values())
-    reports, omitted = _each(
+    sequences = list(truth.sequences.values())
+    reports, omitted = _measure_all(
         folders, lambda folder: report(read_results(folder, sequences, experiment), interval)
     )
     for each in reports:
@@ -107,7 +107,7 @@ def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> N
     folders = [results] if alone else inside
     if not folders:
         raise ResultsError(f"{results}: neither it nor a folder in it holds one-pass results")
-    reports, omitted = _each(folders, lambda folder: one_pass(folder, sequences))
+    reports, omitted = _measure_all(folders, lambda folder: one_pass(folder, sequences))
     for each in reports:
         _warn(each.notes)
     if json_output:
@@ -118,7 +118,7 @@ def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> N
     _check_complete(omitted, len(folders))
 
 
-def _each(
+def _measure_all(
     folders: Sequence[Path], measure: Callable[[Path], Measured]
 ) -> tuple[list[Measured], list[str]]:
     """The measurements of each tracker's folder, and one line for each that failed.

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, Literal
 
 from cyclopts import App, Parameter
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError, check_choice
-from ssiam.outputs import NamedPath, check_apart
+from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.outputs import NamedPath, check_apart, output_error
 from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
@@ -43,7 +43,7 @@ def show(*, folder: Path | None = None) -> None:
         local = next((_description(path) for path in found if path.is_dir()), "not available")
         print(f"{tracker}: {local}")
         print(f"  published: {publication.file} at {publication.where}")
-        print(f"  size {publication.size}, licence {publication.licence}")
+        print(f"  size {publication.size}, license {publication.licence}")
 
 
 @weights.command(name="import")
@@ -72,7 +72,7 @@ def import_(
     network = _network_of(file)
     name = network if tracker is None else tracker
     if name not in PUBLISHED:
-        raise WeightsError(f"weights {file} are those of {network}, for which there is no tracker")
+        raise WeightsError(f"weights {file} are those of {network}, which no tracker uses")
     if PUBLISHED[name].network != network:
         raise WeightsError(
             f"weights {file} are those of {network}, but {name} has {PUBLISHED[name].network}"
@@ -142,7 +142,7 @@ def _network_of(file: Path) -> str:
     if file.suffix == ".onnx":
         raise WeightsError(
             f"weights {file} are ONNX without a {RECORD} beside them: they need no import, "
-            "give them to a tracker as they are"
+            "give them to a tracker directly"
         )
     from ssiam.networks import read_checkpoint
 
@@ -183,7 +183,7 @@ def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) ->
             for staged in sorted(Path(temporary).iterdir(), key=lambda path: path.name == RECORD):
                 staged.replace(folder / staged.name)
     except OSError as error:
-        raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise output_error(folder, error) from error
 
 
 def _check_folder(
