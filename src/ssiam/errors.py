@@ -52,6 +52,10 @@ class IncompleteError(SsiamError):
     """Work that ran to its end with parts missing; what was done is kept."""
 
 
+class AnnotationsError(SsiamError):
+    """Results that cannot be read as annotations; the text names the file and often the line."""
+
+
 Choice = TypeVar("Choice", bound=str)
 
 

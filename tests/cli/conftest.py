@@ -1,4 +1,4 @@
-"""Inputs of the commands that several test files share; nothing writes into them."""
+"""Inputs shared by several test files; no test writes into them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`ssiam bench`: what it prints, and what it says to wrong arguments."""
+"""`ssiam bench`: output, failed runs, resuming, and wrong arguments."""
 
 import json
 
@@ -14,39 +14,39 @@ def dataset(tmp_path_factory):
     return write_dataset(tmp_path_factory.mktemp("tiny"), sequences=2, frames=8)
 
 
-def test_the_table_tells_of_every_tracker(dataset, tmp_path, capsys):
+def test_table_lists_every_tracker(dataset, tmp_path, capsys):
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]
     assert main(arguments) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("kcf-off", "kcf-paper", "2 of 2", str(tmp_path)):
-        assert word in told
+        assert word in output
     assert (tmp_path / "kcf-off" / "baseline" / "clip0" / "clip0_001.txt").is_file()
 
 
-def test_a_preset_lists_what_is_missing_and_runs_the_rest(dataset, tmp_path, capsys):
+def test_preset_lists_missing_entries_and_runs_the_others(dataset, tmp_path, capsys):
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--preset", "table2"]
     assert main([*arguments, "--trackers", "kcf"]) == 0
-    told = capsys.readouterr().out
-    assert told.splitlines()[0].startswith("missing: ")
+    output = capsys.readouterr().out
+    assert output.splitlines()[0].startswith("missing: ")
     assert (tmp_path / "kcf-paper-keypoints=gftt" / "baseline").is_dir()
 
 
-def test_a_failed_run_is_told_and_the_others_are_kept(tmp_path, capsys):
+def test_failed_run_is_reported_and_others_are_kept(tmp_path, capsys):
     folder = write_dataset(tmp_path / "data", sequences=2, frames=5)
     (folder / "clip1" / "img" / "0002.jpg").write_bytes(b"")
     out = tmp_path / "out"
     arguments = ["--trackers", "kcf", "--stabilize", "off,paper"]
     assert main(["bench", str(folder), "--out", str(out), *arguments]) == 3
-    told = capsys.readouterr()
-    error = told.err.strip()
+    captured = capsys.readouterr()
+    error = captured.err.strip()
     assert "2 of 4 runs have no result" in error
     assert "clip1" in error
     assert len(error.splitlines()) == 1
-    assert told.out.count("no result: kcf-") == 2
+    assert captured.out.count("no result: kcf-") == 2
     assert len(list(out.rglob("clip0_001.txt"))) == 2
 
 
-def test_a_clip_of_motchallenge_is_run_and_scored_object_by_object(tmp_path, capsys):
+def test_motchallenge_objects_are_separate_sequences(tmp_path, capsys):
     clip = write_dataset(tmp_path / "data", sequences=1, frames=6) / "clip0"
     boxes = (clip / "groundtruth_rect.txt").read_text().splitlines()
     lines = [f"{t},{i},{box},1,1,1" for t, box in enumerate(boxes, 1) for i in (3, 7) if t + i > 5]
@@ -69,7 +69,7 @@ def test_a_clip_of_motchallenge_is_run_and_scored_object_by_object(tmp_path, cap
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_sequence_that_a_tracker_cannot_begin_on_ends_no_other(tmp_path, capsys, jobs):
+def test_failed_start_does_not_stop_other_sequences(tmp_path, capsys, jobs):
     folder = write_dataset(tmp_path / "data", sequences=3, frames=6)
     truth = folder / "clip0" / "groundtruth_rect.txt"
     whole = truth.read_text()
@@ -78,14 +78,14 @@ def test_a_sequence_that_a_tracker_cannot_begin_on_ends_no_other(tmp_path, capsy
     arguments = ["bench", str(folder), "--out", str(out), "--jobs", jobs]
     arguments += ["--trackers", "csrt", "--stabilize", "off"]
     assert main(arguments) == 3
-    told = capsys.readouterr()
-    assert "1 of 3 runs have no result" in told.err
-    assert "csrt cannot follow a box of 1x1 pixels" in told.out
-    assert "2 of 3" in told.out
+    captured = capsys.readouterr()
+    assert "1 of 3 runs have no result" in captured.err
+    assert "csrt cannot follow a box of 1x1 pixels" in captured.out
+    assert "2 of 3" in captured.out
     reason = out / "csrt-off" / "failed" / "baseline" / "clip0.log"
     assert "csrt cannot follow a box of 1x1 pixels" in reason.read_text()
     assert {path.name for path in out.rglob("*_001.txt")} == {"clip1_001.txt", "clip2_001.txt"}
-    # It is tried again, and only it.
+    # Only the failed run is repeated.
     truth.write_text(whole)
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*_001.txt")}
     assert main(arguments) == 0
@@ -94,27 +94,27 @@ def test_a_sequence_that_a_tracker_cannot_begin_on_ends_no_other(tmp_path, capsy
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
-def test_a_tracker_that_raises_anything_ends_no_other_run(tmp_path, capsys, monkeypatch):
+def test_exception_in_a_tracker_does_not_stop_other_runs(tmp_path, capsys, monkeypatch):
     folder = write_dataset(tmp_path / "data", sequences=3, frames=6)
     track, calls = OpenCvTracker.track, []
 
-    def sometimes(tracker, view):
+    def fail_on_second_call(tracker, view):
         calls.append(view)
         if len(calls) == 2:
             raise RuntimeError("a network of\ntwo lines")
         return track(tracker, view)
 
-    monkeypatch.setattr(OpenCvTracker, "track", sometimes)
+    monkeypatch.setattr(OpenCvTracker, "track", fail_on_second_call)
     arguments = ["bench", str(folder), "--out", str(tmp_path / "out"), "--trackers", "kcf"]
     assert main([*arguments, "--stabilize", "off"]) == 3
-    told = capsys.readouterr()
-    assert "kcf-off on clip0: RuntimeError: a network of two lines" in told.err
-    assert told.err.count("\n") == 1
-    assert "2 of 3" in told.out
+    captured = capsys.readouterr()
+    assert "kcf-off on clip0: RuntimeError: a network of two lines" in captured.err
+    assert captured.err.count("\n") == 1
+    assert "2 of 3" in captured.out
     assert main([*arguments, "--stabilize", "off"]) == 0
 
 
-def test_a_damaged_result_of_an_earlier_run_ends_no_other(tmp_path, capsys):
+def test_damaged_earlier_result_does_not_stop_other_runs(tmp_path, capsys):
     folder = write_dataset(tmp_path / "data", sequences=2, frames=6)
     arguments = ["bench", str(folder), "--out", str(tmp_path / "out"), "--trackers", "kcf"]
     arguments += ["--stabilize", "off"]
@@ -132,13 +132,13 @@ def test_a_damaged_result_of_an_earlier_run_ends_no_other(tmp_path, capsys):
 
 WRONG = {
     "no dataset": (["--out", "x"], "no dataset"),
-    "no such folder": (["nowhere", "--out", "x"], "nowhere"),
+    "no such folder": (["missing", "--out", "x"], "missing"),
     "weights without a name": (["DATA", "--out", "x", "--weights", "here"], "--weights 'here'"),
     "unknown tracker": (["DATA", "--out", "x", "--trackers", "magic"], "unknown tracker 'magic'"),
     "unknown method": (["DATA", "--out", "x", "--stabilize", "on"], "unknown stabilize 'on'"),
     "unknown preset": (["DATA", "--out", "x", "--preset", "table9"], "unknown preset 'table9'"),
     "no jobs": (["DATA", "--out", "x", "--jobs", "0"], "--jobs 0"),
-    "no cluster there": (
+    "no cluster": (
         ["DATA", "--out", "x", "--trackers", "kcf", "--cluster", "tcp://127.0.0.1:1"],
         "tcp://127.0.0.1:1",
     ),
@@ -146,7 +146,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
-def test_wrong_arguments_are_told_in_one_line(
+def test_wrong_arguments_give_one_line_error(
     arguments, message, dataset, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)

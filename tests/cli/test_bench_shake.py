@@ -1,4 +1,4 @@
-"""`ssiam bench --shake`: its results, its table, and `ssiam tables` of what it leaves."""
+"""`ssiam bench --shake`: results, table, and `ssiam tables` of the results."""
 
 import json
 
@@ -35,15 +35,15 @@ def files(out):
     }
 
 
-def test_each_shake_has_a_folder_of_results(dataset, benched, tmp_path):
+def test_each_shake_has_its_own_results_folder(dataset, benched, tmp_path):
     assert sorted(path.name for path in benched.iterdir()) == sorted(["kcf-off", *FOLDERS])
     results = [f"kcf-off/baseline/clip{n}/clip{n}_001.txt" for n in (0, 1)]
     wanted = [f"{folder}/{path}" for folder in FOLDERS for path in results]
     found = files(benched)
     assert sorted(found) == sorted([*results, *wanted])
     assert len({found[path] for path in found if "clip0" in path}) == 5
-    told = json.loads((benched / FOLDERS[3] / "shake.json").read_text())
-    assert told == {
+    saved = json.loads((benched / FOLDERS[3] / "shake.json").read_text())
+    assert saved == {
         "strength": 0.02,
         "kind": "gusts",
         "seed": 1,
@@ -52,19 +52,21 @@ def test_each_shake_has_a_folder_of_results(dataset, benched, tmp_path):
         "border": "reflect",
     }
     assert bench(dataset, tmp_path) == 0
-    assert files(tmp_path) == {path: found[path] for path in results}, "as without a shake"
+    assert files(tmp_path) == {path: found[path] for path in results}, "same as without --shake"
 
 
-def test_the_table_sums_kinds_and_seeds(dataset, benched, capsys):
+def test_table_sums_over_kinds_and_seeds(dataset, benched, capsys):
     before = {path: path.stat().st_mtime_ns for path in benched.rglob("*")}
     assert bench(dataset, benched, *SHAKEN) == 0
-    assert {path: path.stat().st_mtime_ns for path in benched.rglob("*")} == before, "done is done"
-    told = capsys.readouterr().out
-    for word in ("shake", "frames", "lost", "ms a frame", "2 of 2", "8 of 8", "0 %", "2 %"):
-        assert word in told
+    assert {path: path.stat().st_mtime_ns for path in benched.rglob("*")} == before, (
+        "finished runs are not repeated"
+    )
+    output = capsys.readouterr().out
+    for word in ("shake", "frames", "lost", "ms per frame", "2 of 2", "8 of 8", "0 %", "2 %"):
+        assert word in output
 
 
-def test_what_was_interrupted_goes_on_to_the_same_end(dataset, benched, tmp_path):
+def test_interrupted_run_continues_to_the_same_results(dataset, benched, tmp_path):
     assert bench(dataset, tmp_path, "--shake", "0.02") == 0
     again = vot_path(tmp_path / FOLDERS[0] / "kcf-off", "clip1")
     again.unlink()
@@ -73,12 +75,12 @@ def test_what_was_interrupted_goes_on_to_the_same_end(dataset, benched, tmp_path
     assert files(tmp_path) == files(benched)
 
 
-def test_jobs_shake_alike(dataset, benched, tmp_path):
+def test_parallel_jobs_give_the_same_results(dataset, benched, tmp_path):
     assert bench(dataset, tmp_path, *SHAKEN, "--jobs", "2") == 0
     assert files(tmp_path) == files(benched)
 
 
-def test_a_shake_is_called_by_all_that_it_is(dataset, tmp_path):
+def test_folder_name_contains_all_shake_options(dataset, tmp_path):
     more = ["--shake-exposure", "0.5", "--shake-readout", "0.25", "--shake-border", "crop"]
     assert bench(dataset, tmp_path, "--shake", "0.02", *more) == 0
     name = "shake-white-0.02-seed0-exposure=0.5-readout=0.25-border=crop"
@@ -88,7 +90,7 @@ def test_a_shake_is_called_by_all_that_it_is(dataset, tmp_path):
     assert read_shake(tmp_path / name / "kcf-off") == wanted
 
 
-def test_tables_of_a_shaken_folder(dataset, benched, tmp_path, capsys):
+def test_tables_of_a_shake_folder(dataset, benched, tmp_path, capsys):
     arguments = ["--dataset", str(dataset), "--no-figures", "--out", str(tmp_path)]
     pages = []
     for folder in (benched, benched / FOLDERS[0]):
@@ -110,7 +112,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
-def test_wrong_arguments_are_told_in_one_line(arguments, message, dataset, tmp_path, capsys):
+def test_wrong_arguments_give_one_line_error(arguments, message, dataset, tmp_path, capsys):
     assert bench(dataset, tmp_path, *arguments) == 2
     error = capsys.readouterr().err.strip()
     assert message in error
@@ -118,8 +120,8 @@ def test_wrong_arguments_are_told_in_one_line(arguments, message, dataset, tmp_p
     assert not list(tmp_path.iterdir())
 
 
-def test_a_target_shaken_out_of_the_picture_stops_no_run(tmp_path):
-    """A start on a box outside of the picture is refused by every tracker."""
+def test_target_shaken_out_of_the_image_does_not_stop_the_run(tmp_path):
+    """Every tracker refuses to start on a box outside the image."""
     folder = write_dataset(tmp_path / "data", sequences=1, frames=12)
     (folder / "clip0" / "groundtruth_rect.txt").write_text("1,1,4,4\n" * 12)
     for protocol in ("vot", "ope"):

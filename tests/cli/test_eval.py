@@ -1,4 +1,4 @@
-"""`ssiam eval` of VOT's results: its tables, its JSON and what it warns of."""
+"""`ssiam eval` of VOT results: tables, JSON and warnings."""
 
 import json
 
@@ -41,46 +41,46 @@ def test_json_of_several_trackers_and_their_comparison(vot2018, tmp_path, capsys
     assert difference["accuracy"]["share_below_zero"] == 1
 
 
-def test_tables_for_people(vot2018, tmp_path, capsys):
+def test_tables(vot2018, tmp_path, capsys):
     results(tmp_path / "all" / "a", lost=("bag",))
     results(tmp_path / "all" / "b[red]", shift=3)
     assert run(tmp_path / "all", "--dataset", vot2018, "--compare") == 0
-    told = capsys.readouterr()
-    assert told.err == ""
-    assert told.out.index("camera_motion") < told.out.index("occlusion")
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert captured.out.index("camera_motion") < captured.out.index("occlusion")
     for words in ("pysot", "vot-toolkit", "b[red]", "0.192", "0.231", "minus"):
-        assert words in told.out
-    assert max(map(len, told.out.splitlines())) <= 120
+        assert words in captured.out
+    assert max(map(len, captured.out.splitlines())) <= 120
 
 
-def test_what_is_missing_is_told_and_the_rest_is_measured(vot2018, tmp_path, capsys):
+def test_missing_results_are_reported_and_the_rest_is_measured(vot2018, tmp_path, capsys):
     folder = results(tmp_path / "short", lengths={"bag": 110})
     assert run(folder, "--dataset", vot2018, "--json") == 0
-    told = capsys.readouterr()
-    assert json.loads(told.out)["pysot"]["frames"] == 110
-    missing = [line for line in told.err.splitlines() if "crossing" in line]
-    short = [line for line in told.err.splitlines() if "bag_001.txt" in line]
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["pysot"]["frames"] == 110
+    missing = [line for line in captured.err.splitlines() if "crossing" in line]
+    short = [line for line in captured.err.splitlines() if "bag_001.txt" in line]
     assert [line.endswith("it is left out") for line in missing] == [True]
     assert ["110 lines for 120 frames; the first 110" in line for line in short] == [True]
-    assert any("no sequence has more than 110 frames" in line for line in told.err.splitlines())
+    assert any("no sequence has more than 110 frames" in line for line in captured.err.splitlines())
 
 
-def test_too_long_files_are_cut(vot2018, tmp_path, capsys):
+def test_results_longer_than_the_sequence_are_cut(vot2018, tmp_path, capsys):
     folder = results(tmp_path / "long", lengths={"bag": 130, "crossing": 400})
     assert run(folder, "--dataset", vot2018, "--json") == 0
-    told = capsys.readouterr()
-    assert "130 lines for 120 frames" in told.err
-    assert json.loads(told.out)["vot_toolkit"]["frames"] == 520
+    captured = capsys.readouterr()
+    assert "130 lines for 120 frames" in captured.err
+    assert json.loads(captured.out)["vot_toolkit"]["frames"] == 520
 
 
-def test_what_cannot_be_told_is_null(tmp_path, capsys):
+def test_undefined_measures_are_null(tmp_path, capsys):
     path = dataset(tmp_path, "VOT2016")
     folder = results(tmp_path / "short", lengths={"bag": 90, "crossing": 80})
     assert run(folder, "--dataset", path, "--json") == 0
     assert json.loads(capsys.readouterr().out)["vot_toolkit"]["eao"] is None
 
 
-def test_the_year_may_be_given(tmp_path, capsys):
+def test_year_option(tmp_path, capsys):
     path, folder = dataset(tmp_path, "copy"), results(tmp_path / "good", lost=("bag",))
     found = []
     for year in (2018, 2019):
@@ -89,21 +89,21 @@ def test_the_year_may_be_given(tmp_path, capsys):
     assert found[0] != found[1]
 
 
-def test_the_realtime_runs(vot2018, tmp_path, capsys):
+def test_realtime_experiment(vot2018, tmp_path, capsys):
     results(tmp_path / "t", lost=("bag",))
     (tmp_path / "t" / "baseline").rename(tmp_path / "t" / "realtime")
     assert run(tmp_path / "t", "--dataset", vot2018, "--experiment", "realtime", "--json") == 0
     assert json.loads(capsys.readouterr().out)["pysot"]["lost"] == 1
 
 
-def test_help_is_documentation(capsys):
+def test_help_describes_the_options(capsys):
     run("--help")
-    told = " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.split())
     for word in ("--dataset", "--year", "--json", "--compare", "pysot", "vot-toolkit"):
-        assert word in told
+        assert word in text
 
 
-def test_the_authors_raw_results(shared, capsys):
+def test_raw_results_of_the_authors(shared, capsys):
     folder = shared("data/vot/results/VOT2018/model_SiamMask_E_ref")
     assert run(folder, "--dataset", shared("data/vot/VOT2018.json"), "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -112,17 +112,17 @@ def test_the_authors_raw_results(shared, capsys):
     assert found["vot_toolkit"]["robustness"] == pytest.approx(1.156, abs=1e-3)
 
 
-def test_a_damaged_tracker_is_left_out_and_the_others_are_measured(vot2018, tmp_path, capsys):
+def test_damaged_tracker_is_omitted_and_others_are_measured(vot2018, tmp_path, capsys):
     for name in ("a", "b", "c"):
         results(tmp_path / "all" / name, lost=("bag",))
     (tmp_path / "all" / "a" / "baseline" / "bag" / "bag_001.txt").write_text("1\nnonsense\n")
     assert run(tmp_path / "all", "--dataset", vot2018, "--json", "--compare") == 3
-    told = capsys.readouterr()
-    found = json.loads(told.out)
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
     assert (list(found["trackers"]), list(found["comparison"])) == (["b", "c"], ["c"])
-    first, last = told.err.splitlines()
+    first, last = captured.err.splitlines()
     assert "bag_001.txt, line 2" in first
-    assert "the tracker is left out" in first
+    assert "the tracker is omitted" in first
     assert "1 of 3 trackers could not be measured" in last
     for name in ("b", "c"):
         (tmp_path / "all" / name / "baseline" / "bag" / "bag_001.txt").write_text("nonsense\n")

@@ -11,7 +11,7 @@ from ssiam.evaluation.trajectory import Trajectory
 
 
 def one_pass_folder(folder, layout, shift):
-    """Boxes of OTB's truth, moved by `shift` pixels, in one of the layouts."""
+    """OTB ground-truth boxes, shifted by `shift` pixels, in one of the layouts."""
     boxes = np.tile([20.0 + shift, 10.0, 30.0, 40.0], (12, 1))
     run = Trajectory.of_boxes(boxes)
     if layout == "otb":
@@ -36,7 +36,7 @@ def otb(tmp_path):
 
 
 @pytest.mark.parametrize("layout", ["otb", "bench", "got10k", "vot"])
-def test_one_pass_results_of_every_layout_give_the_same(layout, otb, tmp_path, capsys):
+def test_every_layout_gives_the_same_measures(layout, otb, tmp_path, capsys):
     folder = one_pass_folder(tmp_path / "runs" / "half", layout, shift=15.0)
     arguments = ["eval", str(folder), "--dataset", str(otb), "--experiment", "ope", "--json"]
     assert main(arguments) == 0
@@ -48,17 +48,17 @@ def test_one_pass_results_of_every_layout_give_the_same(layout, otb, tmp_path, c
     assert found["sequences"] == 1
 
 
-def test_a_folder_of_one_pass_trackers_is_a_table(otb, tmp_path, capsys):
+def test_folder_of_trackers_gives_a_table(otb, tmp_path, capsys):
     for name, shift in (("good", 0.0), ("bad", 60.0)):
         one_pass_folder(tmp_path / "runs" / name, "bench", shift)
     arguments = ["eval", str(tmp_path / "runs"), "--dataset", str(otb), "--experiment", "ope"]
     assert main(arguments) == 0
-    told = capsys.readouterr().out
-    assert "good" in told
-    assert "bad" in told
+    output = capsys.readouterr().out
+    assert "good" in output
+    assert "bad" in output
 
 
-def test_a_folder_without_one_pass_results_is_told(otb, tmp_path, capsys):
+def test_folder_without_one_pass_results_is_refused(otb, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     arguments = ["eval", str(tmp_path / "empty"), "--dataset", str(otb), "--experiment", "ope"]
     assert main(arguments) == 2

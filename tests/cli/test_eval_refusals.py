@@ -1,4 +1,4 @@
-"""What `ssiam eval` refuses: each in one line that names it."""
+"""Input that `ssiam eval` refuses, with a one-line error that names it."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from ssiam.evaluation.layouts import vot_path
 
 @pytest.fixture
 def inputs(tmp_path):
-    """Good and bad folders and datasets side by side."""
+    """Valid and invalid result folders and datasets."""
     dataset(tmp_path)
     dataset(tmp_path, "copy")
     dataset(tmp_path, "VOT2017", width=None)
@@ -16,7 +16,7 @@ def inputs(tmp_path):
     results(tmp_path / "others", lengths={"another": 20})
     (tmp_path / "empty").mkdir()
     (tmp_path / "nothing" / "baseline").mkdir(parents=True)
-    for name, text in [("damaged", "1\n1,2,3\n"), ("hollow", ""), ("endless", "2\n1\n2\n")]:
+    for name, text in [("damaged", "1\n1,2,3\n"), ("blank", ""), ("no_start", "2\n1\n2\n")]:
         results(tmp_path / name)
         vot_path(tmp_path / name, "bag").write_text(text)
     return tmp_path
@@ -24,15 +24,15 @@ def inputs(tmp_path):
 
 REFUSED = [
     # name, arguments, words of the message
-    ("no results", ("gone", "--dataset", "VOT2018.json"), "gone: there is no such folder"),
+    ("no results", ("missing", "--dataset", "VOT2018.json"), "missing: there is no such folder"),
     ("an empty folder", ("empty", "--dataset", "VOT2018.json"), "empty: neither it nor a folder"),
     ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: holds no results"),
     ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: holds no results"),
     ("damaged", ("damaged", "--dataset", "VOT2018.json"), "bag_001.txt, line 2"),
-    ("hollow", ("hollow", "--dataset", "VOT2018.json"), "bag_001.txt: is empty"),
-    ("no start", ("endless", "--dataset", "VOT2018.json"), "more failures (2) than starts"),
+    ("blank", ("blank", "--dataset", "VOT2018.json"), "bag_001.txt: is empty"),
+    ("no start", ("no_start", "--dataset", "VOT2018.json"), "more failures (2) than starts"),
     ("no dataset", ("good",), "--dataset"),
-    ("missing dataset", ("good", "--dataset", "gone.json"), "gone.json"),
+    ("missing dataset", ("good", "--dataset", "missing.json"), "missing.json"),
     ("no year", ("good", "--dataset", "copy.json"), "give --year"),
     ("unknown year", ("good", "--dataset", "copy.json", "--year", "2030"), "VOT2030"),
     ("no size", ("good", "--dataset", "VOT2017.json"), "sequence bag"),
@@ -43,11 +43,11 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("arguments", "named"), [pytest.param(*case[1:], id=case[0]) for case in REFUSED]
 )
-def test_bad_input_is_one_line_that_names_it(inputs, arguments, named, capsys, monkeypatch):
+def test_invalid_input_gives_one_line_error(inputs, arguments, named, capsys, monkeypatch):
     monkeypatch.chdir(inputs)
     assert run(*arguments) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("ssiam: ")
-    assert named in told.err
-    assert told.err.count("\n") == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("ssiam: ")
+    assert named in captured.err
+    assert captured.err.count("\n") == 1

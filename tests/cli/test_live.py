@@ -1,4 +1,4 @@
-"""`ssiam live` as people start and end it."""
+"""`ssiam live`: starting, tracking, recording and stopping."""
 
 import json
 import signal
@@ -27,8 +27,8 @@ def clip(tmp_path_factory):
 
 
 @pytest.fixture
-def started(clip):
-    """Start the command on the clip with more options; the process and the first line it says."""
+def start_live(clip):
+    """Start the command on the clip with further options; the process and its first output line."""
     processes = []
 
     def start(*options):
@@ -48,27 +48,27 @@ def started(clip):
         process.communicate()
 
 
-def address_in(line):
+def find_address(line):
     return next(word for word in line.split() if word.startswith("http://"))
 
 
-def ended(process):
-    """Exit code and what was said on stderr, after Ctrl-C."""
+def interrupt(process):
+    """Exit code and standard error, after Ctrl-C."""
     process.send_signal(signal.SIGINT)
-    _, complaints = process.communicate(timeout=SECONDS)
-    return process.returncode, complaints
+    _, errors = process.communicate(timeout=SECONDS)
+    return process.returncode, errors
 
 
-def header(message):
+def step_header(message):
     length = int.from_bytes(message[:4], "big")
     return json.loads(message[4 : 4 + length])
 
 
-def test_it_serves_follows_records_and_ends(clip, started, tmp_path):
-    kept, log = tmp_path / "kept", tmp_path / "a.rrd"
-    process, line = started("--recordings", str(kept), "--rerun", str(log))
+def test_live_session(clip, start_live, tmp_path):
+    recordings, log = tmp_path / "recordings", tmp_path / "a.rrd"
+    process, line = start_live("--recordings", str(recordings), "--rerun", str(log))
     assert line.startswith(f"{clip[0]}: http://127.0.0.1:")
-    with connect(address_in(line).replace("http", "ws") + "session") as client:
+    with connect(find_address(line).replace("http", "ws") + "session") as client:
 
         def ask(**message):
             client.send(json.dumps({"ask": 1, **message}))
@@ -76,56 +76,56 @@ def test_it_serves_follows_records_and_ends(clip, started, tmp_path):
         ask(type="restart")
         ask(type="record", on=True)
         ask(type="add", box=clip[1])
-        followed = False
-        while not followed:
+        tracked = False
+        while not tracked:
             message = client.recv(timeout=SECONDS)
             if isinstance(message, bytes):
-                told = header(message)
-                followed = bool(told["targets"])
-                client.send(json.dumps({"type": "shown", "number": told["number"]}))
-    assert ended(process) == (0, "")
-    (recording,) = kept.iterdir()
+                step = step_header(message)
+                tracked = bool(step["targets"])
+                client.send(json.dumps({"type": "shown", "number": step["number"]}))
+    assert interrupt(process) == (0, "")
+    (recording,) = recordings.iterdir()
     assert len(list(open_source(recording / "video.mp4"))) >= 1
     assert log.stat().st_size > 1000
 
 
-def test_a_token_is_printed_where_one_is_asked_for(started):
-    process, line = started("--token")
-    page, _, token = address_in(line).partition("/#token=")
+def test_token_option(start_live):
+    process, line = start_live("--token")
+    page, _, token = find_address(line).partition("/#token=")
     assert len(token) > 20
     socket_address = page.replace("http", "ws") + "/session"
     with connect(f"{socket_address}?token={token}") as client:
         assert json.loads(client.recv(timeout=SECONDS))["type"] == "hello"
     with pytest.raises(Exception, match="403"):
         connect(socket_address)
-    assert ended(process) == (0, "")
+    assert interrupt(process) == (0, "")
 
 
-def test_a_port_that_is_taken_is_told_in_one_line(clip, capsys):
+def test_port_in_use_gives_one_line_error(clip, capsys):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         arguments = ["live", str(clip[0]), "--tracker", "kcf", "--port", str(port)]
         assert main(arguments) == 2
-    complaint = capsys.readouterr().err
-    assert str(port) in complaint
-    assert complaint.count("\n") == 1
+    error = capsys.readouterr().err
+    assert str(port) in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
-        pytest.param(["gone.mp4"], "gone.mp4: no such file", id="no file"),
+        pytest.param(["missing.mp4"], "missing.mp4: no such file", id="no file"),
         pytest.param(["CLIP", "--port", "99999"], "99999", id="no port"),
         pytest.param(["CLIP", "--host", "256.1.1.1"], "256.1.1.1", id="no address"),
         pytest.param(["CLIP", "--mavlink", "pigeon:home"], "pigeon:home", id="no link"),
-        pytest.param(["CLIP", "--rerun", "/nowhere/a.rrd"], "/nowhere/a.rrd", id="no folder"),
+        pytest.param(["CLIP", "--rerun", "/missing/a.rrd"], "/missing/a.rrd", id="no folder"),
         pytest.param(["CLIP", "--pace", "slow"], "slow", id="no pace"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line(clip, capsys, arguments, says):
+def test_wrong_arguments_give_one_line_error(clip, capsys, arguments, message):
     given = [str(clip[0]) if word == "CLIP" else word for word in arguments]
     port = [] if "--port" in given else ["--port", "0"]
     assert main(["live", *given, "--tracker", "kcf", *port]) == 2
-    complaint = capsys.readouterr().err
-    assert says in complaint
-    assert complaint.count("\n") == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

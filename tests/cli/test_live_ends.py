@@ -1,4 +1,4 @@
-"""`ssiam live` that is ended, killed, or ends by itself: what was recorded is kept and said."""
+"""`ssiam live` ended by a signal, killed or failing: recordings are kept and reported."""
 
 import json
 import os
@@ -19,13 +19,13 @@ from ssiam.video import VideoSink, open_source
 
 EXPORTS = {"cvat.xml", "coco.json", "labelstudio.json", "got10k.zip"}
 FILES = {"video.mp4", "results.csv", "results.jsonl", *EXPORTS}
-# Runs the command with a tracker in trouble: argument 1 says in which.
-WITH_TROUBLE = """
+# Runs the command with a failing tracker; argument 1 selects the failure.
+RUN_WITH_FAILURE = """
 import sys
 from helpers import failing_trackers as troubled
-from ssiam.cli import choice, main
+from ssiam.cli import main, options
 trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
-choice.TrackerChoice.load = lambda self, config: troubled.troubled_tracker(trouble)
+options.TrackerOptions.load = lambda self, config: troubled.troubled_tracker(trouble)
 from ssiam.web import session
 session.Session.__init__.__kwdefaults__ = {"patience": 0.5}
 sys.exit(main(sys.argv[2:]))
@@ -44,36 +44,36 @@ def clip(tmp_path_factory):
 
 
 class Live:
-    """A process, and the address of its socket."""
+    """A running process and the address of its WebSocket."""
 
     def __init__(self, process):
-        self.process, self.said = process, process.stdout.readline()
-        address = next(word for word in self.said.split() if word.startswith("http://"))
+        self.process, self.first_line = process, process.stdout.readline()
+        address = next(word for word in self.first_line.split() if word.startswith("http://"))
         self.url = address.replace("http", "ws") + "session"
 
     def end(self, number):
-        """Exit code after a signal, and what was said on stderr."""
+        """Exit code and standard error after a signal."""
         self.process.send_signal(number)
         return self.ended()
 
     def ended(self):
-        _, complaints = self.process.communicate(timeout=SECONDS + 10)
-        return self.process.returncode, complaints
+        _, errors = self.process.communicate(timeout=SECONDS + 10)
+        return self.process.returncode, errors
 
 
 @pytest.fixture
 def start(clip):
-    """Start the command on the clip with more options."""
+    """Start the command on the clip with further options."""
     processes = []
 
-    def started(*options, command=("-m", "ssiam"), **how):
+    def started(*options, command=("-m", "ssiam"), **kwargs):
         words = [sys.executable, *command, "live", str(clip[0]), "--port", "0", *options]
         process = subprocess.Popen(
             [*words, "--tracker", "kcf"],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            **how,
+            **kwargs,
         )
         processes.append(process)
         return Live(process)
@@ -85,7 +85,7 @@ def start(clip):
 
 
 def record(client, box, frames=20):
-    """Begin a recording with a target, and wait until it has some frames; its name."""
+    """Start a recording with a target and wait for some frames; returns its name."""
     client.ask(type="restart")
     assert client.ask(type="add", box=box, name="boat")["type"] == "done"
     name = client.ask(type="record", on=True)["answer"]
@@ -94,8 +94,8 @@ def record(client, box, frames=20):
     return name
 
 
-def is_whole(folder, minimum=1):
-    """Whether a recording has all its files, which play and can be read."""
+def check_complete(folder, minimum=1):
+    """Check that a recording has all its files and that they can be read; number of frames."""
     assert {path.name for path in folder.iterdir()} >= FILES
     frames = len(list(open_source(str(folder / "video.mp4"))))
     assert frames >= minimum
@@ -104,17 +104,17 @@ def is_whole(folder, minimum=1):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-def test_a_signal_ends_it_and_the_recording_is_whole(clip, start, tmp_path, number):
+def test_signal_leaves_complete_recording(clip, start, tmp_path, number):
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         name = record(client, clip[1])
-        code, complaints = live.end(number)
+        code, errors = live.end(number)
     assert code == (0 if number == signal.SIGINT else 128 + number)
-    assert complaints == ""
-    is_whole(tmp_path / name)
+    assert errors == ""
+    check_complete(tmp_path / name)
 
 
-def test_a_hang_up_that_is_ignored_stays_so(start):
+def test_ignored_sighup_stays_ignored(start):
     live = start(preexec_fn=partial(signal.signal, signal.SIGHUP, signal.SIG_IGN))
     live.process.send_signal(signal.SIGHUP)
     with Client(live) as client:
@@ -122,13 +122,13 @@ def test_a_hang_up_that_is_ignored_stays_so(start):
     assert live.end(signal.SIGTERM)[0] == 128 + signal.SIGTERM
 
 
-def test_a_recording_whose_process_was_killed_is_listed_and_exported(clip, start, tmp_path):
+def test_recording_of_a_killed_process_is_listed_and_exported(clip, start, tmp_path):
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         name = record(client, clip[1], frames=60)
         assert live.end(signal.SIGKILL)[0] == -signal.SIGKILL
     with next(tmp_path.glob(f"{name}/results*.csv")).open("a") as table:
-        table.write("77,2.5")  # a line that was not written to its end
+        table.write("77,2.5")  # an incomplete line
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         listed = client.next("recordings")["recordings"]
@@ -138,14 +138,14 @@ def test_a_recording_whose_process_was_killed_is_listed_and_exported(clip, start
     assert set(listed[0]["files"]) == FILES
     assert "was killed" in listed[0]["error"]
     assert listed[0]["frames"] > 10
-    is_whole(tmp_path / name, minimum=10)
+    check_complete(tmp_path / name, minimum=10)
     live.end(signal.SIGTERM)
     exported = tmp_path / "again.xml"
     video, table = (str(tmp_path / name / file) for file in ("video.mp4", "results.csv"))
     assert main(["export", table, "--to", "cvat", "--video", video, "--out", str(exported)]) == 0
 
 
-def test_recordings_of_earlier_sessions_are_listed_as_they_were(clip, start, tmp_path):
+def test_recordings_of_earlier_sessions_are_listed_unchanged(clip, start, tmp_path):
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         name = record(client, clip[1])
@@ -160,7 +160,7 @@ def test_recordings_of_earlier_sessions_are_listed_as_they_were(clip, start, tmp
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / name).iterdir()} == before
 
 
-def test_recordings_that_somebody_else_is_writing_are_left_alone(clip, start, tmp_path):
+def test_recording_in_progress_of_another_process_is_not_touched(clip, start, tmp_path):
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         name = record(client, clip[1])
@@ -173,76 +173,76 @@ def test_recordings_that_somebody_else_is_writing_are_left_alone(clip, start, tm
         assert not EXPORTS & {path.name for path in (tmp_path / name).iterdir()}
         assert client.ask(type="record", on=False)["answer"] == name
     live.end(signal.SIGTERM)
-    is_whole(tmp_path / name)
+    check_complete(tmp_path / name)
 
 
-def test_passing_recordings_of_a_killed_session_are_told_of(clip, start, tmp_path):
-    where = {"env": {**os.environ, "TMPDIR": str(tmp_path)}}
-    live = start(**where)
+def test_temporary_recordings_of_a_killed_session_are_reported(clip, start, tmp_path):
+    environment = {"env": {**os.environ, "TMPDIR": str(tmp_path)}}
+    live = start(**environment)
     with Client(live) as client:
         record(client, clip[1])
-        running = start(**where)
+        running = start(**environment)
         assert running.end(signal.SIGTERM) == (128 + signal.SIGTERM, "")
         live.end(signal.SIGKILL)
-    later = start(**where)
-    _, complaints = later.end(signal.SIGTERM)
-    assert "has recordings of a session that was killed: --recordings" in complaints
+    later = start(**environment)
+    _, errors = later.end(signal.SIGTERM)
+    assert "has recordings of a session that was killed: --recordings" in errors
     (left,) = tmp_path.glob("ssiam-live-*")
-    assert str(left) in complaints
+    assert str(left) in errors
 
 
-def limit(size):
-    """Files of this process end at so many bytes, as on a full disk."""
+def limit_file_size(size):
+    """Limit the file size of this process, as on a full disk."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-def test_a_full_disk_ends_a_recording_which_the_page_is_told(clip, start, tmp_path):
-    live = start("--recordings", str(tmp_path), preexec_fn=partial(limit, 60_000))
+def test_full_disk_ends_the_recording_and_notifies_the_page(clip, start, tmp_path):
+    live = start("--recordings", str(tmp_path), preexec_fn=partial(limit_file_size, 60_000))
     with Client(live) as client:
         client.ask(type="restart")
         assert client.ask(type="add", box=clip[1], name="boat")["type"] == "done"
         name = client.ask(type="record", on=True)["answer"]
-        told = client.next("note")
-        assert (told["level"], name in told["message"]) == ("error", True)
+        note = client.next("note")
+        assert (note["level"], name in note["message"]) == ("error", True)
         (listed,) = client.next("recordings")["recordings"]
         assert "video" in listed["error"]
         assert not listed["open"]
         assert {"results.csv", "cvat.xml"} <= set(listed["files"])
         step_until(client, lambda step: step["recording"] is None)
         assert client.ask(type="pause")["type"] == "done"
-    code, complaints = live.end(signal.SIGTERM)
+    code, errors = live.end(signal.SIGTERM)
     assert code == 128 + signal.SIGTERM
-    assert "Traceback" not in complaints
+    assert "Traceback" not in errors
     assert Path(tmp_path / name / "results.csv").stat().st_size > 0
 
 
-def test_tracking_that_never_ends_does_not_keep_it_from_ending(clip, start, tmp_path):
-    trouble = ("-c", WITH_TROUBLE, "hang")
-    live = start("--recordings", str(tmp_path), command=trouble, env=with_tests_on_the_path())
+def test_hanging_tracker_does_not_block_exit(clip, start, tmp_path):
+    trouble = ("-c", RUN_WITH_FAILURE, "hang")
+    live = start("--recordings", str(tmp_path), command=trouble, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
         name = client.ask(type="record", on=True)["answer"]
         client.ask(type="add", box=clip[1], name="boat")
         assert client.next("health")["state"] == "stalled"
-        code, complaints = live.end(signal.SIGTERM)
+        code, errors = live.end(signal.SIGTERM)
     assert code == 128 + signal.SIGTERM
-    assert "Tracking stands still: frame" in complaints
-    is_whole(tmp_path / name)
+    assert "Tracking stands still: frame" in errors
+    check_complete(tmp_path / name)
 
 
-def test_tracking_that_dies_ends_it_with_a_code(clip, start, tmp_path):
-    trouble = ("-c", WITH_TROUBLE, "leave")
-    live = start("--recordings", str(tmp_path), command=trouble, env=with_tests_on_the_path())
+def test_crashed_tracking_exits_with_code_3(clip, start, tmp_path):
+    trouble = ("-c", RUN_WITH_FAILURE, "leave")
+    live = start("--recordings", str(tmp_path), command=trouble, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
         name = client.ask(type="record", on=True)["answer"]
         client.ask(type="add", box=clip[1], name="boat")
         assert client.next("health")["state"] == "failed"
-    code, complaints = live.ended()
+    code, errors = live.ended()
     assert code == 3
-    assert "SystemExit: out of the thread" in complaints
-    is_whole(tmp_path / name)
+    assert "SystemExit: out of the thread" in errors
+    check_complete(tmp_path / name)
 
 
-def with_tests_on_the_path():
+def environment_with_tests():
     return {**os.environ, "PYTHONPATH": ":".join(sys.path)}

@@ -1,4 +1,4 @@
-"""Folders that commands write: never over what they read, and whole or as they were."""
+"""Output folders: never over an input, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ path = "data"
 
 @pytest.fixture
 def folder(dataset, tmp_path, monkeypatch):
-    """The current folder: a dataset, weights, a workspace, a config of a training run."""
+    """The current folder with a dataset, weights, a workspace and a training config."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(dataset, "data")
     Path("same").symlink_to("data")
@@ -37,19 +37,19 @@ def folder(dataset, tmp_path, monkeypatch):
     Path("vot/list.txt").write_text("ants\n")
     Path("ws").mkdir()
     Path("ws/sequences").symlink_to("../vot")
-    Path("ws/stack.yaml").write_text("title: of a user\nexperiments: {}\n")
+    Path("ws/stack.yaml").write_text("title: custom\nexperiments: {}\n")
     for name in ("run", "teacher", "siamfc"):
         Path(name).mkdir()
     Path("run/weights.pth").write_text("weights")
     Path("teacher/head.onnx").write_text("onnx")
-    Path("taught").mkdir()
-    os.link("teacher/head.onnx", "taught/search.onnx")
-    Path("siamfc/search.onnx").write_text("a checkpoint under an unusual name")
+    Path("student").mkdir()
+    os.link("teacher/head.onnx", "student/search.onnx")
+    Path("siamfc/search.onnx").write_text("a checkpoint with an unusual name")
     Path("begin.toml").write_text(CONFIG.format(begin="run/weights.pth"))
     return tmp_path
 
 
-def content(folder):
+def file_contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -72,7 +72,7 @@ INPUTS = [
         "the weights siamfc/search.onnx",
     ),
     ("training", ("train", "begin.toml", "--out", "run"), "the weights run/weights.pth"),
-    ("teacher", ("train", "begin.toml", "--out", "taught"), "the teacher teacher/head.onnx"),
+    ("teacher", ("train", "begin.toml", "--out", "student"), "the teacher teacher/head.onnx"),
     ("so far", ("train", "begin.toml", "--so-far", "run"), "the weights run/weights.pth"),
 ]
 
@@ -80,21 +80,21 @@ INPUTS = [
 @pytest.mark.parametrize(
     ("arguments", "named"), [i[1:] for i in INPUTS], ids=[i[0] for i in INPUTS]
 )
-def test_a_folder_that_is_an_input_is_refused(folder, arguments, named, capsys):
+def test_output_folder_that_is_an_input_is_refused(folder, arguments, named, capsys):
     if arguments[0] == "train":
         pytest.importorskip("torch")
     if arguments[0] == "vot-workspace":
         pytest.importorskip("trax")
-    before = content(folder)
+    before = file_contents(folder)
     assert main(list(arguments)) == 2
-    told = capsys.readouterr()
-    assert named in told.err
-    assert told.err.startswith("ssiam: ")
-    assert told.err.count("\n") == 1
-    assert content(folder) == before
+    captured = capsys.readouterr()
+    assert named in captured.err
+    assert captured.err.startswith("ssiam: ")
+    assert captured.err.count("\n") == 1
+    assert file_contents(folder) == before
 
 
-def _small_files(limit):
+def _limit_file_size(limit):
     def set_limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -102,32 +102,32 @@ def _small_files(limit):
     return set_limit
 
 
-def test_a_full_disk_keeps_the_older_page(folder):
+def test_full_disk_keeps_existing_page(folder):
     assert main(["bench", "data", "--out", "runs", "--trackers", "kcf", "--stabilize", "off"]) == 0
     Path("page").mkdir()
     for name in ("tables.md", "tables.html"):
-        Path("page", name).write_text("older")
-    words = ["tables", "runs", "--dataset", "data", "--no-figures", "--out", "page"]
-    done = run(*words, preexec_fn=_small_files(400))
+        Path("page", name).write_text("existing")
+    arguments = ["tables", "runs", "--dataset", "data", "--no-figures", "--out", "page"]
+    done = run(*arguments, preexec_fn=_limit_file_size(400))
     assert (done.returncode, done.stderr.splitlines()[-1].startswith("ssiam: page/")) == (2, True)
     assert {path.name: path.read_text() for path in Path("page").iterdir()} == {
-        "tables.md": "older",
-        "tables.html": "older",
+        "tables.md": "existing",
+        "tables.html": "existing",
     }
 
 
-def test_a_full_disk_keeps_the_older_workspace(folder):
+def test_full_disk_keeps_existing_workspace(folder):
     pytest.importorskip("trax")
     Path("new").mkdir()
-    Path("new/trackers.ini").write_text("older")
-    words = ["vot-workspace", "new", "--force", "--sequences", "vot", "--trackers", "kcf"]
-    done = run(*words, preexec_fn=_small_files(200))
+    Path("new/trackers.ini").write_text("existing")
+    arguments = ["vot-workspace", "new", "--force", "--sequences", "vot", "--trackers", "kcf"]
+    done = run(*arguments, preexec_fn=_limit_file_size(200))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "new/trackers.ini: cannot be written (File too large)" in done.stderr
-    assert Path("new/trackers.ini").read_text() == "older"
+    assert Path("new/trackers.ini").read_text() == "existing"
 
 
-def test_a_full_disk_keeps_the_older_imported_weights(folder, monkeypatch):
+def test_full_disk_keeps_existing_imported_weights(folder, monkeypatch):
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
     from helpers import network_models as models
@@ -136,9 +136,9 @@ def test_a_full_disk_keeps_the_older_imported_weights(folder, monkeypatch):
         main(["weights", "export", "siamfc", str(models.checkpoint("siamfc")), "--out", "o"]) == 0
     )
     assert main(["weights", "import", "o/siamfc", "--folder", "kept"]) == 0
-    before = content(folder)
+    before = file_contents(folder)
     done = run(
-        *("weights", "import", "o/siamfc", "--folder", "kept"), preexec_fn=_small_files(100_000)
+        *("weights", "import", "o/siamfc", "--folder", "kept"), preexec_fn=_limit_file_size(100_000)
     )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert content(folder) == before
+    assert file_contents(folder) == before

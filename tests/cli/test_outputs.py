@@ -1,4 +1,4 @@
-"""Outputs of `ssiam track`, `export` and `live`: never over an input, never over an older file."""
+"""Outputs of `ssiam track`, `export` and `live`: never over an input or an existing file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRACK = ("--box", box_of(BOX), "--tracker", "kcf")
 
 @pytest.fixture
 def folder(clip, tmp_path, monkeypatch):
-    """The current folder: a clip under several names, its results, a folder of frames."""
+    """The current folder with a clip under several names, its results and a folder of frames."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(clip[0], "clip.mp4")
     Path("link.mp4").symlink_to("clip.mp4")
@@ -48,13 +48,13 @@ def folder(clip, tmp_path, monkeypatch):
     return tmp_path
 
 
-def content(folder):
-    """What is in all files of a folder."""
+def file_contents(folder):
+    """Contents of all files of a folder."""
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 INPUTS = [
-    # name of the case, arguments, the output as the message has it
+    # name of the case, arguments, part of the message
     ("itself", ("track", "clip.mp4", *TRACK, "--out", "clip.mp4"), "--out clip.mp4"),
     ("another spelling", ("track", "clip.mp4", *TRACK, "--out", "./clip.mp4"), "--out clip.mp4"),
     ("through a folder", ("track", "clip.mp4", *TRACK, "--out", "frames/../clip.mp4"), "--out"),
@@ -103,20 +103,20 @@ INPUTS = [
 @pytest.mark.parametrize(
     ("arguments", "named"), [i[1:] for i in INPUTS], ids=[i[0] for i in INPUTS]
 )
-def test_an_output_that_is_an_input_is_refused(folder, arguments, named, overwrite, capsys):
-    before = content(folder)
+def test_output_that_is_an_input_is_refused(folder, arguments, named, overwrite, capsys):
+    before = file_contents(folder)
     words = [a.replace("FILE://", f"file://{folder}/") for a in arguments]
     assert main([*words, *(["--overwrite"] if overwrite else [])]) == 2
-    told = capsys.readouterr()
-    assert named in told.err
-    assert told.err.startswith("ssiam: ")
-    assert told.err.count("\n") == 1
-    assert told.out == ""
-    assert content(folder) == before
+    captured = capsys.readouterr()
+    assert named in captured.err
+    assert captured.err.startswith("ssiam: ")
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+    assert file_contents(folder) == before
 
 
-def test_standard_input_and_output_that_are_files_are_compared_too(folder):
-    before = content(folder)
+def test_redirected_standard_streams_are_checked(folder):
+    before = file_contents(folder)
     command = [sys.executable, "-m", "ssiam"]
     with open("clip.mp4", "rb") as stdin:
         done = subprocess.run(
@@ -139,7 +139,7 @@ def test_standard_input_and_output_that_are_files_are_compared_too(folder):
         )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "--out /dev/stdout is the file of results results.csv" in done.stderr
-    assert content(folder) == before
+    assert file_contents(folder) == before
 
 
 @pytest.mark.parametrize(
@@ -147,39 +147,39 @@ def test_standard_input_and_output_that_are_files_are_compared_too(folder):
     [("--out", "o.mp4"), ("--results", "o.csv"), ("--plot", "o.png"), ("--results", "o_2.txt")],
 )
 def test_existing_files_are_refused_without_overwrite(folder, option, name, capsys):
-    Path(name).write_text("older")
+    Path(name).write_text("existing")
     given = "o.txt" if name == "o_2.txt" else name
     words = ["track", "clip.mp4", *TRACK, "--box", "9,9,30,30", option, given]
     assert main(words) == 2
-    told = capsys.readouterr()
-    assert f"{name}: exists already" in told.err
-    assert "--overwrite" in told.err
-    assert told.err.count("\n") == 1
-    assert Path(name).read_text() == "older"
+    captured = capsys.readouterr()
+    assert f"{name}: exists already" in captured.err
+    assert "--overwrite" in captured.err
+    assert captured.err.count("\n") == 1
+    assert Path(name).read_text() == "existing"
     assert main([*words, "--overwrite"]) == 0
     assert Path(name).stat().st_size > 100
     assert not list(folder.glob("*.part*"))
 
 
-def test_an_existing_export_is_refused_without_overwrite(folder, capsys):
+def test_existing_export_is_refused_without_overwrite(folder, capsys):
     assert main(["track", "clip.mp4", *TRACK, "--results", "r.csv"]) == 0
-    Path("o.json").write_text("older")
+    Path("o.json").write_text("existing")
     words = ["export", "r.csv", "--to", "coco", "--video", "clip.mp4", "--out", "o.json"]
     assert main(words) == 2
     assert "o.json: exists already" in capsys.readouterr().err
-    assert Path("o.json").read_text() == "older"
+    assert Path("o.json").read_text() == "existing"
     assert main([*words, "--overwrite"]) == 0
     assert Path("o.json").read_text().startswith("{")
 
 
-def test_default_names_count_up(folder):
+def test_default_names_are_numbered(folder):
     for name in ("clip-tracked", "clip-tracked-2", "clip-tracked-3"):
-        before = content(folder)
+        before = file_contents(folder)
         assert main(["track", "clip.mp4", *TRACK]) == 0
-        new = set(content(folder)) - set(before)
+        new = set(file_contents(folder)) - set(before)
         assert new == {folder / f"{name}.mp4", folder / f"{name}.csv"}
-        assert before.items() <= content(folder).items()
-    # Both names count together, also where only one of them is taken.
+        assert before.items() <= file_contents(folder).items()
+    # A number is skipped even if only one of its two names is taken.
     Path("clip-tracked-2.csv").unlink()
     Path("clip-tracked.mp4").unlink()
     assert main(["track", "clip.mp4", *TRACK]) == 0
@@ -192,7 +192,7 @@ def test_default_names_count_up(folder):
 @pytest.mark.parametrize(
     "given", [(), ("--out", "long-tracked.mp4", "--results", "long-tracked.csv")]
 )
-def test_after_a_kill_the_part_plays_and_the_next_run_tells_where_it_is(tmp_path, given):
+def test_part_of_a_killed_run_plays_and_is_reported_by_the_next_run(tmp_path, given):
     write_clip(tmp_path / "long.mp4", count=300)
     command = [sys.executable, "-m", "ssiam", "track", "long.mp4", *TRACK, *given]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
@@ -218,7 +218,7 @@ def test_after_a_kill_the_part_plays_and_the_next_run_tells_where_it_is(tmp_path
     )
 
 
-def _small_files(limit):
+def _limit_file_size(limit):
     def set_limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -226,43 +226,43 @@ def _small_files(limit):
     return set_limit
 
 
-def test_a_full_disk_keeps_the_older_files_of_a_run(folder):
-    older = {name: f"older {name}" for name in ("o.mp4", "o.csv", "o.png")}
-    for name, text in older.items():
+def test_full_disk_keeps_existing_outputs(folder):
+    existing = {name: f"existing {name}" for name in ("o.mp4", "o.csv", "o.png")}
+    for name, text in existing.items():
         Path(name).write_text(text)
     outputs = ("--out", "o.mp4", "--results", "o.csv", "--plot", "o.png", "--overwrite")
-    done = run("track", "clip.mp4", *TRACK, *outputs, preexec_fn=_small_files(30_000))
+    done = run("track", "clip.mp4", *TRACK, *outputs, preexec_fn=_limit_file_size(30_000))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert (
         "o.mp4: cannot be written (File too large); what was written is in o.part.mp4"
         in done.stderr
     )
     assert "results: o.part.csv" in done.stdout
-    assert {name: Path(name).read_text() for name in older} == older
+    assert {name: Path(name).read_text() for name in existing} == existing
     rows = rows_of(Path("o.part.csv"))
     assert 1 < len(rows) < COUNT
     assert None not in rows[-1].values()
 
 
 @pytest.mark.parametrize("kind", ["cvat", "coco", "labelstudio", "got10k"])
-def test_a_full_disk_keeps_the_older_export(folder, kind):
+def test_full_disk_keeps_existing_export(folder, kind):
     assert main(["track", "clip.mp4", *TRACK, "--results", "r.csv"]) == 0
-    Path("o").write_text("older")
+    Path("o").write_text("existing")
     words = ["export", "r.csv", "--to", kind, "--video", "clip.mp4", "--out", "o", "--overwrite"]
-    done = run(*words, preexec_fn=_small_files(500))
+    done = run(*words, preexec_fn=_limit_file_size(500))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "o: cannot be written (File too large)" in done.stderr
-    assert Path("o").read_text() == "older"
+    assert Path("o").read_text() == "existing"
     assert not list(folder.glob("*.part*"))
 
 
-def test_a_full_disk_keeps_the_older_plot(folder):
-    Path("o.png").write_text("older")
+def test_full_disk_keeps_existing_plot(folder):
+    Path("o.png").write_text("existing")
     words = ["track", "clip.mp4", *TRACK, "--plot", "o.png", "--overwrite"]
-    done = run(*words, preexec_fn=_small_files(500))
+    done = run(*words, preexec_fn=_limit_file_size(500))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "o.png: cannot be written (File too large)" in done.stderr
-    assert Path("o.png").read_text() == "older"
+    assert Path("o.png").read_text() == "existing"
     assert not list(folder.glob("*.part*"))
 
 

@@ -1,4 +1,4 @@
-"""`ssiam eval` and `ssiam tables` of results on shaken clips."""
+"""`ssiam eval` and `ssiam tables` of results under added shake."""
 
 import json
 
@@ -14,7 +14,7 @@ from ssiam.evaluation.trajectory import Status, Trajectory
 
 
 def perfect(dataset, out, shake):
-    """A tracker that says the shaken truth."""
+    """Results of a tracker that outputs the shaken ground truth."""
     for name, raw in open_dataset(dataset).sequences.items():
         truth = shaken(raw, shake).truth
         status = np.full(len(truth), Status.TRACKED, np.int8)
@@ -39,7 +39,7 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize("shake", SETTINGS.values(), ids=SETTINGS)
-def test_the_shaken_truth_scores_1_and_no_other(shake, tmp_path, capsys):
+def test_only_the_shaken_truth_scores_1(shake, tmp_path, capsys):
     dataset = write_dataset(tmp_path / "data", sequences=1, frames=40)
     out = perfect(dataset, tmp_path / "out", shake)
     sized = pysot_json(dataset, tmp_path), "--year", 2018
@@ -55,7 +55,7 @@ def test_the_shaken_truth_scores_1_and_no_other(shake, tmp_path, capsys):
 
 
 def pysot_json(dataset, folder):
-    """The dataset as pysot's file for VOT2018, which tells the size and has no images."""
+    """The dataset as pysot's file for VOT2018, which has frame sizes and no images."""
     records = {
         name: {
             "video_dir": name,
@@ -97,13 +97,13 @@ DAMAGED = {
 
 @pytest.mark.parametrize("command", ["eval", "tables"])
 @pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_shake_is_told_in_one_line(text, command, dataset, tmp_path, capsys):
+def test_damaged_shake_file_gives_one_line_error(text, command, dataset, tmp_path, capsys):
     perfect(dataset, tmp_path, Shake(0.03))
     (tmp_path / "shake.json").write_bytes(text)
     more = ["--no-figures"] if command == "tables" else []
     assert main([command, str(tmp_path), "--dataset", str(dataset), *more]) == 2
-    complained = capsys.readouterr().err
-    assert complained.startswith("ssiam: ")
-    assert "shake.json: " in complained
-    assert complained.count("\n") == 1
-    assert len(complained) < 600
+    error = capsys.readouterr().err
+    assert error.startswith("ssiam: ")
+    assert "shake.json: " in error
+    assert error.count("\n") == 1
+    assert len(error) < 600

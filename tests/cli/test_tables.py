@@ -1,4 +1,4 @@
-"""`ssiam tables` from the results of a benchmark to its page."""
+"""`ssiam tables`: page, figures and errors."""
 
 import re
 
@@ -16,42 +16,42 @@ def benched(tmp_path_factory):
     return data, out
 
 
-def test_page_tables_and_figures(benched, tmp_path, capsys):
+def test_page_with_tables_and_figures(benched, tmp_path, capsys):
     data, results = benched
     out = tmp_path / "new" / "page"
     assert main(["tables", str(results), "--dataset", str(data), "--out", str(out)]) == 0
-    told, complained = capsys.readouterr()
+    output, errors = capsys.readouterr()
     for word in ("Table 1", "Table 2", "Table 3", "Table 4", "kcf", "S-SiamMask_E"):
-        assert word in told
-    assert "no one-pass runs of kcf-off, kcf-paper" in complained
+        assert word in output
+    assert "no one-pass runs of kcf-off, kcf-paper" in errors
     page = (out / "tables.html").read_text()
     assert page.count("data:image/png;base64,") == 3
     assert not re.search(r"(src|href)=.?http", page)
     text = (out / "tables.md").read_text()
-    pictures = re.findall(r"\(<(.*?\.png)>\)", text)
-    assert len(pictures) == 3
-    assert all((out / name).is_file() for name in pictures)
-    assert all(str(path) in told for path in out.iterdir())
+    images = re.findall(r"\(<(.*?\.png)>\)", text)
+    assert len(images) == 3
+    assert all((out / name).is_file() for name in images)
+    assert all(str(path) in output for path in out.iterdir())
 
 
-def test_without_figures_beside_the_results(benched, capsys):
+def test_default_folder_without_figures(benched, capsys):
     data, results = benched
     arguments = ["tables", str(results), "--dataset", str(data), "--no-figures"]
     assert main(arguments) == 0
     names = {path.name for path in (results / "tables").iterdir()}
     assert names == {"tables.md", "tables.html"}
-    assert main(arguments) == 0, "its own output is no tracker's folder"
+    assert main(arguments) == 0, "its own output is not taken as a tracker"
 
 
-def test_a_dataset_without_results_is_named_beside_one_with(benched, tmp_path, capsys):
+def test_dataset_without_results_is_named(benched, tmp_path, capsys):
     data, results = benched
     other = write_dataset(tmp_path / "other" / "folder", sequences=1, frames=2)
     (other / "clip0").rename(other / "unseen")
     arguments = ["tables", str(results), "--dataset", str(data), "--dataset", str(other)]
     assert main([*arguments, "--no-figures", "--out", str(tmp_path / "page")]) == 0
-    told, complained = capsys.readouterr()
-    assert "kcf" in told
-    assert "folder: no results" in complained
+    output, errors = capsys.readouterr()
+    assert "kcf" in output
+    assert "folder: no results" in errors
     arguments = ["tables", str(results), "--dataset", str(other), "--no-figures"]
     assert main(arguments) == 2
     assert "folder" in capsys.readouterr().err
@@ -60,18 +60,18 @@ def test_a_dataset_without_results_is_named_beside_one_with(benched, tmp_path, c
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        pytest.param(["gone", "--dataset", "DATA"], "gone", id="no results"),
+        pytest.param(["missing", "--dataset", "DATA"], "missing", id="no results"),
         pytest.param(["DATA", "--dataset", "DATA"], "baseline", id="no folder of results"),
-        pytest.param(["RESULTS", "--dataset", "gone"], "gone", id="no dataset there"),
+        pytest.param(["RESULTS", "--dataset", "missing"], "missing", id="missing dataset"),
         pytest.param(["RESULTS"], "--dataset", id="no dataset given"),
         pytest.param(["RESULTS", "--dataset", "DATA", "--out", "/proc/x"], "/proc/x", id="out"),
     ],
 )
-def test_wrong_arguments_are_told_in_one_line(benched, arguments, named, capsys):
-    places = dict(zip(("DATA", "RESULTS"), map(str, benched), strict=True))
-    command = ["tables", *(places.get(word, word) for word in arguments), "--no-figures"]
+def test_wrong_arguments_give_one_line_error(benched, arguments, named, capsys):
+    paths = dict(zip(("DATA", "RESULTS"), map(str, benched), strict=True))
+    command = ["tables", *(paths.get(word, word) for word in arguments), "--no-figures"]
     assert main(command) == 2
-    complained = capsys.readouterr().err
-    assert named in complained.splitlines()[-1]
-    assert complained.splitlines()[-1].startswith("ssiam: ")
-    assert "Traceback" not in complained
+    errors = capsys.readouterr().err
+    assert named in errors.splitlines()[-1]
+    assert errors.splitlines()[-1].startswith("ssiam: ")
+    assert "Traceback" not in errors

@@ -1,4 +1,4 @@
-"""`ssiam track` from its arguments to its files, in real processes where it matters."""
+"""`ssiam track`: arguments, outputs and help."""
 
 import json
 import subprocess
@@ -13,11 +13,11 @@ from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run
 from ssiam.cli import main
 
 
-def test_by_default_a_video_and_a_table_named_after_the_source(clip, tmp_path):
+def test_default_outputs_are_named_after_the_source(clip, tmp_path):
     path, truth = clip
     done = run("track", path, "--box", box_of(BOX), "--tracker", "kcf", cwd=tmp_path)
     assert done.returncode == 0
-    assert done.stderr == ""  # no progress bar where there is no terminal
+    assert done.stderr == ""  # no progress bar without a terminal
     assert f"tracked {COUNT} frames" in done.stdout
     frames, rate = decoded(tmp_path / "clip-tracked.mp4")
     assert len(frames) == COUNT
@@ -28,7 +28,7 @@ def test_by_default_a_video_and_a_table_named_after_the_source(clip, tmp_path):
         assert np.hypot(float(row["x"]) - x, float(row["y"]) - y) < 10
 
 
-def test_every_output_at_once(clip, tmp_path, capsys):
+def test_all_outputs_together(clip, tmp_path, capsys):
     out, results, plot = (tmp_path / name for name in ("o.mp4", "r.jsonl", "p.png"))
     arguments = ["track", str(clip[0]), "--box", box_of(BOX), "--tracker", "kcf", "--side-by-side"]
     assert (
@@ -38,12 +38,12 @@ def test_every_output_at_once(clip, tmp_path, capsys):
     assert frames[0].width == 2 * frames[0].height * SIZE[0] // SIZE[1]
     assert len([json.loads(line) for line in results.read_text().splitlines()]) == COUNT
     assert cv2.imread(str(plot)).std() > 10
-    told = capsys.readouterr().out
-    assert all(str(path) in told for path in (out, results, plot))
+    output = capsys.readouterr().out
+    assert all(str(path) in output for path in (out, results, plot))
 
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "literal", "predict"])
-def test_each_way_of_steadying(clip, tmp_path, stabilize):
+def test_stabilization_methods(clip, tmp_path, stabilize):
     path, truth = clip
     results = tmp_path / "r.csv"
     arguments = ["--tracker", "csrt", "--stabilize", stabilize, "--results", str(results)]
@@ -52,7 +52,7 @@ def test_each_way_of_steadying(clip, tmp_path, stabilize):
     assert np.abs(np.subtract(found, truth)[:, :2]).mean() < 4
 
 
-def test_several_targets_share_one_motion(clip, tmp_path):
+def test_targets_share_one_camera_motion(clip, tmp_path):
     results = tmp_path / "r.csv"
     boxes = ["--box", box_of(BOX), "--box", "40,30,50,50", "--box", "220,150,40,40"]
     assert main(["track", str(clip[0]), *boxes, "--tracker", "kcf", "--results", str(results)]) == 0
@@ -63,7 +63,7 @@ def test_several_targets_share_one_motion(clip, tmp_path):
         assert len(motions) == 1
 
 
-def test_a_second_core_changes_no_result(clip, tmp_path, capsys):
+def test_number_of_threads_does_not_change_results(clip, tmp_path, capsys):
     for threads in (1, 2):
         out = tmp_path / f"{threads}.csv"
         arguments = ["track", str(clip[0]), "--box", box_of(BOX), "--box", "20,20,40,30"]
@@ -74,8 +74,8 @@ def test_a_second_core_changes_no_result(clip, tmp_path, capsys):
     assert (tmp_path / "1.csv").read_text() == (tmp_path / "2.csv").read_text()
 
 
-def test_limits_are_options(clip, tmp_path):
-    def steadied(*options):
+def test_stabilization_options_change_the_result(clip, tmp_path):
+    def results_with(*options):
         results = tmp_path / "r.csv"
         arguments = ["--tracker", "kcf", "--stabilize", "paper", "--results", str(results)]
         arguments += ["--overwrite"]
@@ -83,8 +83,11 @@ def test_limits_are_options(clip, tmp_path):
         assert main(["track", str(clip[0]), "--box", box_of(BOX), *arguments]) == 0
         return results.read_text()
 
-    assert steadied("--window", "2") != steadied()
-    assert steadied("--keypoints", "gftt", "--fit", "least_squares", "--thx1", "5") != steadied()
+    assert results_with("--window", "2") != results_with()
+    assert (
+        results_with("--keypoints", "gftt", "--fit", "least_squares", "--thx1", "5")
+        != results_with()
+    )
 
 
 def test_frames_from_a_pipe(clip, tmp_path):
@@ -99,9 +102,9 @@ def test_frames_from_a_pipe(clip, tmp_path):
     assert float(rows[-1]["time"]) == pytest.approx((COUNT - 1) / 25, abs=1e-3)
 
 
-def test_help_is_documentation(capsys):
+def test_help_describes_the_options(capsys):
     main(["track", "--help"])
-    told = " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.split())
     for word in (
         "--box",
         "--tracker",
@@ -111,10 +114,10 @@ def test_help_is_documentation(capsys):
         "pixels",
         "[default",
     ):
-        assert word in told
+        assert word in text
 
 
-def test_the_command_line_never_imports_torch_or_a_network_without_need(clip, tmp_path):
+def test_heavy_dependencies_are_not_imported_without_need(clip, tmp_path):
     code = (
         "import sys; from ssiam.cli import main;"
         f"main(['track', {str(clip[0])!r}, '--box', {box_of(BOX)!r}, '--tracker', 'kcf',"

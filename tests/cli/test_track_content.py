@@ -1,4 +1,4 @@
-"""`ssiam track` and what sources hold beside plain frames: nothing is lost in silence."""
+"""`ssiam track` with sound, streams, pixel aspect, 16 bits and variable frame rate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,13 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.odd_clips import anamorphic, displayed_aspect, scratched, with_preview, with_sound
+from helpers.odd_clips import (
+    displayed_aspect,
+    write_anamorphic,
+    write_clip_with_sound,
+    write_two_streams,
+    write_undecodable,
+)
 from helpers.tracked_clip import rows_of
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
@@ -23,26 +29,26 @@ def in_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_frames_that_cannot_be_decoded_are_told_and_end_in_3(tmp_path, capsys):
-    scratched(tmp_path / "clip.mov", (10, 11, 25))
+def test_undecoded_frames_are_reported_with_exit_code_3(tmp_path, capsys):
+    write_undecodable(tmp_path / "clip.mov", (10, 11, 25))
     assert main(["track", "clip.mov", *BOX]) == 3
-    told = capsys.readouterr()
-    assert "source: 3 frames of it could not be decoded" in told.out
-    assert told.err.count("\n") == 1
-    assert "3 frames" in told.err
+    captured = capsys.readouterr()
+    assert "source: 3 frames could not be decoded" in captured.out
+    assert captured.err.count("\n") == 1
+    assert "3 frames" in captured.err
     assert len(rows_of(tmp_path / "clip-tracked.csv")) == 37
 
 
-def test_sound_goes_along(tmp_path, capsys):
-    with_sound(tmp_path / "clip.mp4")
+def test_sound_is_copied(tmp_path, capsys):
+    write_clip_with_sound(tmp_path / "clip.mp4")
     assert main(["track", "clip.mp4", *BOX]) == 0
     assert "sound" not in capsys.readouterr().out
     with av.open("clip-tracked.mp4") as container:
         assert float(container.streams.audio[0].duration) > 0
 
 
-def test_sound_that_is_dropped_is_told_in_one_line(tmp_path, capsys):
-    with_sound(tmp_path / "clip.mkv", "libopus")
+def test_omitted_sound_is_reported(tmp_path, capsys):
+    write_clip_with_sound(tmp_path / "clip.mkv", "libopus")
     assert main(["track", "clip.mkv", *BOX, "--out", "o.mov"]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if "sound" in line]
     assert lines == [
@@ -50,20 +56,20 @@ def test_sound_that_is_dropped_is_told_in_one_line(tmp_path, capsys):
     ]
 
 
-def test_results_alone_keep_no_sound(tmp_path, capsys):
-    with_sound(tmp_path / "clip.mkv", "libopus")
+def test_sound_is_ignored_without_a_video(tmp_path, capsys):
+    write_clip_with_sound(tmp_path / "clip.mkv", "libopus")
     assert main(["track", "clip.mkv", *BOX, "--results", "r.csv"]) == 0
     assert "sound" not in capsys.readouterr().out
 
 
 def test_pixel_aspect_is_kept(tmp_path):
-    anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
+    write_anamorphic(tmp_path / "dv.mp4", Fraction(16, 15))
     assert main(["track", "dv.mp4", *BOX, "--out", "o.mkv"]) == 0
     assert displayed_aspect("o.mkv") == displayed_aspect("dv.mp4")
 
 
-def test_stream_is_chosen_and_exported(tmp_path, capsys):
-    with_preview(tmp_path / "two.mkv")
+def test_stream_option(tmp_path, capsys):
+    write_two_streams(tmp_path / "two.mkv")
     for stream, size_wh in (([], (320, 192)), (["--stream", "0"], (128, 32))):
         box = ["--box", "10,5,20,20", "--tracker", "kcf"]
         assert main(["track", "two.mkv", *box, *stream, "--results", "r.csv", "--overwrite"]) == 0
@@ -79,7 +85,7 @@ def test_stream_is_chosen_and_exported(tmp_path, capsys):
     assert "give --video too" in capsys.readouterr().err
 
 
-def test_levels(tmp_path, capsys):
+def test_levels_option(tmp_path, capsys):
     (tmp_path / "thermal").mkdir()
     noise = np.random.default_rng(1).integers(0, 1500, (96, 160)).astype(np.uint16)
     for number in range(5):
@@ -103,7 +109,7 @@ SECONDS = [*(0.04 * i for i in range(10)), *(0.36 + 0.16 * i for i in range(1, 1
 SECONDS += [1.96 + 0.04 * i for i in range(1, 21)]
 
 
-def _variable(path):
+def _write_variable_rate(path):
     noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
     image = cv2.GaussianBlur(noise, (9, 9), 2)
     with VideoSink(path, 25) as sink:
@@ -112,33 +118,33 @@ def _variable(path):
 
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.mkv"])
-def test_label_studio_finds_every_frame_by_its_time(tmp_path, capsys, name):
-    _variable(tmp_path / name)
+def test_label_studio_export_of_variable_rate(tmp_path, capsys, name):
+    _write_variable_rate(tmp_path / name)
     assert main(["track", name, *BOX, "--results", "v.csv"]) == 0
     capsys.readouterr()
     arguments = ["export", "v.csv", "--to", "labelstudio", "--video", name, "--out", "v.json"]
     assert main(arguments) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     (task,) = json.loads((tmp_path / "v.json").read_text())
     value = task["predictions"][0]["result"][0]["value"]
     rate = value["framesCount"] / value["duration"]
     assert rate == pytest.approx(25)
-    assert 'framerate="25"' in told or name == "v.mkv"  # which announces 25 by itself
+    assert 'framerate="25"' in output or name == "v.mkv"  # which announces 25 itself
     assert value["duration"] == pytest.approx(SECONDS[-1] + 0.04, abs=0.05)
     for row, key in zip(rows_of(tmp_path / "v.csv"), value["sequence"], strict=True):
-        shown = (key["frame"] - 1) / rate
-        assert shown == pytest.approx(float(row["time"]), abs=0.005)
+        seconds = (key["frame"] - 1) / rate
+        assert seconds == pytest.approx(float(row["time"]), abs=0.005)
 
 
-def test_variable_rate_into_avi(tmp_path):
-    _variable(tmp_path / "v.mp4")
+def test_variable_rate_to_avi(tmp_path):
+    _write_variable_rate(tmp_path / "v.mp4")
     arguments = ["track", "v.mp4", *BOX, "--out", "o.avi", "--results", "o.csv"]
     assert main(arguments) == 0
     with av.open("o.avi") as container:
         assert float(container.duration / av.time_base) == pytest.approx(2.8, abs=0.05)
 
 
-def test_bare_pictures_say_what_is_assumed(tmp_path, capsys):
+def test_assumed_frame_rate_is_reported(tmp_path, capsys):
     with av.open("clip.mjpeg", "w", format="mjpeg") as container:
         stream = container.add_stream("mjpeg", rate=10)
         stream.width, stream.height, stream.pix_fmt = 160, 96, "yuvj420p"
@@ -147,5 +153,5 @@ def test_bare_pictures_say_what_is_assumed(tmp_path, capsys):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(noise, format="bgr24")))
         container.mux(stream.encode())
     assert main(["track", "clip.mjpeg", *BOX, "--results", "r.csv"]) == 0
-    assert "tells no times: taken as 25 a second" in capsys.readouterr().out
+    assert "has no timestamps: assuming 25 frames per second" in capsys.readouterr().out
     assert {row["time"] for row in rows_of(tmp_path / "r.csv")} == {""}

@@ -1,4 +1,4 @@
-"""`ssiam track` where a tracker fails on the way: the rest is tracked, and exit code 3 says so."""
+"""`ssiam track` with a failing tracker: the rest is tracked, with exit code 3."""
 
 import pytest
 
@@ -18,24 +18,24 @@ def arguments(clip, tmp_path):
 
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
-def test_one_targets_tracker_that_raises_leaves_the_other(
+def test_failing_tracker_does_not_affect_other_targets(
     arguments, tmp_path, monkeypatch, capsys, stabilize
 ):
     track, seen = OpenCvTracker.track, {}
 
-    def sometimes(tracker, view):
+    def fail_sometimes(tracker, view):
         own = seen.setdefault(id(tracker), [])
         own.append(tracker)
         if tracker is next(iter(seen.values()))[0] and len(own) % 10 == 0:
-            raise RuntimeError("come apart")
+            raise RuntimeError("broken")
         return track(tracker, view)
 
-    monkeypatch.setattr(OpenCvTracker, "track", sometimes)
+    monkeypatch.setattr(OpenCvTracker, "track", fail_sometimes)
     assert main([*arguments, "--stabilize", stabilize]) == 3
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1
-    assert "target 1 could not be tracked in" in told.err
-    assert "frame 10: RuntimeError: come apart" in told.err
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert "target 1 could not be tracked in" in captured.err
+    assert "frame 10: RuntimeError: broken" in captured.err
     assert len(decoded(tmp_path / "o.mp4")[0]) == COUNT
     rows = rows_of(tmp_path / "r.csv")
     assert len(rows) == 2 * COUNT
@@ -44,22 +44,22 @@ def test_one_targets_tracker_that_raises_leaves_the_other(
     assert all(row["lost"] == "0" for row in rows if row["target"] == "2")
 
 
-def test_camera_motion_that_raises_leaves_the_targets(arguments, tmp_path, monkeypatch, capsys):
+def test_failing_camera_motion_does_not_stop_tracking(arguments, tmp_path, monkeypatch, capsys):
     update, calls = CameraMotion.update, []
 
-    def sometimes(camera, *given):
+    def fail_sometimes(camera, *given):
         calls.append(camera)
         if len(calls) == 20:
             raise ArithmeticError("singular")
         return update(camera, *given)
 
-    monkeypatch.setattr(CameraMotion, "update", sometimes)
+    monkeypatch.setattr(CameraMotion, "update", fail_sometimes)
     assert main([*arguments, "--threads", "2"]) == 3
     assert "camera could not be tracked in 1 of" in capsys.readouterr().err
     assert len(rows_of(tmp_path / "r.csv")) == 2 * COUNT
 
 
-def test_a_box_that_csrt_cannot_take_is_wrong_usage_and_writes_nothing(clip, tmp_path, capsys):
+def test_box_refused_by_the_tracker_writes_nothing(clip, tmp_path, capsys):
     words = ["track", str(clip[0]), "--tracker", "csrt", "--out", str(tmp_path / "o.mp4")]
     for box in ("100,100,1,1", "0,100,320,1", "0,0,1e6,1e6"):
         assert main([*words, "--box", box]) == 2

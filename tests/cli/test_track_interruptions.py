@@ -1,4 +1,4 @@
-"""`ssiam track` where the video or the run breaks off: what came before is kept."""
+"""`ssiam track` with a truncated video or an interrupted run: earlier frames are kept."""
 
 import signal
 import subprocess
@@ -12,7 +12,7 @@ from helpers.synthetic import world
 from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run, write_clip
 
 
-def test_a_truncated_video_is_tracked_as_far_as_it_goes(tmp_path):
+def test_truncated_video_is_tracked_to_its_last_frame(tmp_path):
     write_clip(tmp_path / "whole.mkv")
     content = (tmp_path / "whole.mkv").read_bytes()
     (tmp_path / "cut.mkv").write_bytes(content[: len(content) // 2])
@@ -25,7 +25,7 @@ def test_a_truncated_video_is_tracked_as_far_as_it_goes(tmp_path):
     assert len(decoded(tmp_path / "cut-tracked.mp4")[0]) == len(rows)
 
 
-def test_frames_that_change_their_size_keep_what_came_before(tmp_path):
+def test_frames_before_a_size_change_are_kept(tmp_path):
     (tmp_path / "frames").mkdir()
     for index in range(8):
         size = SIZE if index < 6 else (160, 120)
@@ -41,7 +41,7 @@ def test_frames_that_change_their_size_keep_what_came_before(tmp_path):
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["ctrl-c", "terminated"]
 )
-def test_interrupted_runs_leave_whole_files(tmp_path, number, code):
+def test_interrupted_run_leaves_complete_files(tmp_path, number, code):
     write_clip(tmp_path / "long.mp4", count=400)
     command = [sys.executable, "-m", "ssiam", "track", "long.mp4", "--box", box_of(BOX)]
     process = subprocess.Popen(
@@ -53,10 +53,10 @@ def test_interrupted_runs_leave_whole_files(tmp_path, number, code):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     process.send_signal(number)
-    told, complained = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=60)
     assert process.returncode == code
-    assert complained == ""
-    assert "long-tracked.mp4" in told
+    assert errors == ""
+    assert "long-tracked.mp4" in output
     text = results.read_text()
     assert text.endswith("\n")
     rows = rows_of(results)

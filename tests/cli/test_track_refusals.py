@@ -1,4 +1,4 @@
-"""What `ssiam track` refuses: each in one line that names it."""
+"""Input that `ssiam track` refuses, with a one-line error that names it."""
 
 import pytest
 
@@ -8,9 +8,9 @@ from ssiam.cli import main
 
 @pytest.fixture(scope="module")
 def inputs(clip, tmp_path_factory):
-    """A folder of things that are no good videos."""
+    """A folder of files that are not videos."""
     folder = tmp_path_factory.mktemp("inputs")
-    (folder / "text.mp4").write_text("this is no video\n")
+    (folder / "text.mp4").write_text("this is not a video\n")
     (folder / "empty").mkdir()
     (folder / "html").mkdir()
     for part in ("backbone", "head"):
@@ -38,43 +38,47 @@ NANO = ("--tracker", "nanotrack_v2")
         pytest.param(("CLIP", "--box", "999,5,9,9"), "outside", id="outside"),
         pytest.param((*CLIP_BOX, "--tracker", "magic"), "nanotrack_v3", id="unknown tracker"),
         pytest.param((*CLIP_BOX, *NANO), "needs weights", id="weights not given"),
-        pytest.param((*CLIP_BOX, *NANO, "--weights", "gone"), "gone", id="weights missing"),
+        pytest.param((*CLIP_BOX, *NANO, "--weights", "missing"), "missing", id="weights missing"),
         pytest.param((*CLIP_BOX, *NANO, "--weights", "html"), "web page", id="weights html"),
         pytest.param(
-            (*CLIP_BOX, *CSRT, "--weights", "html"), "csrt has no weights", id="weights in vain"
+            (*CLIP_BOX, *CSRT, "--weights", "html"),
+            "csrt has no weights",
+            id="weights without a network",
         ),
         pytest.param((*CLIP_BOX, *NANO, "--precision", "f16"), "'f16'", id="no such precision"),
         pytest.param((*CLIP_BOX, *NANO, "--device", "cuda"), "'cuda'", id="no such device"),
         pytest.param(
-            (*CLIP_BOX, *CSRT, "--precision", "bf16"), "csrt has no network", id="in vain"
+            (*CLIP_BOX, *CSRT, "--precision", "bf16"),
+            "csrt has no network",
+            id="precision without a network",
         ),
-        pytest.param((*CLIP_BOX, "--out", "gone/o.mp4"), "gone", id="no output folder"),
+        pytest.param((*CLIP_BOX, "--out", "missing/o.mp4"), "missing", id="no output folder"),
         pytest.param((*CLIP_BOX, "--out", "empty"), "empty", id="output is a folder"),
         pytest.param((*CLIP_BOX, "--out", "/proc/o.mp4"), "/proc", id="folder not writable"),
         pytest.param((*CLIP_BOX, "--out", "o.xyz"), "o.xyz", id="unknown kind of output"),
-        pytest.param((*CLIP_BOX, "--results", "gone/r.csv"), "gone", id="no results folder"),
-        pytest.param((*CLIP_BOX, "--plot", "gone/p.png"), "gone", id="no plot folder"),
+        pytest.param((*CLIP_BOX, "--results", "missing/r.csv"), "missing", id="no results folder"),
+        pytest.param((*CLIP_BOX, "--plot", "missing/p.png"), "missing", id="no plot folder"),
         pytest.param((*CLIP_BOX, "--layout", "x", "--results", "r.txt"), "'x'", id="layout"),
-        pytest.param((*CLIP_BOX, "--stabilize", "magic"), "paper", id="unknown steadying"),
+        pytest.param((*CLIP_BOX, "--stabilize", "magic"), "paper", id="unknown stabilization"),
         pytest.param((*CLIP_BOX, "--window", "0"), "window", id="limit out of range"),
         pytest.param((*CLIP_BOX, "--windw", "9"), "--windw", id="unknown option"),
         pytest.param(("-", "--box", "1,2,3,4", "--raw", "7"), "'7'", id="raw format"),
     ],
 )
-def test_bad_input_is_one_line_that_names_it(inputs, clip, arguments, named, capsys, monkeypatch):
+def test_invalid_input_gives_one_line_error(inputs, clip, arguments, named, capsys, monkeypatch):
     monkeypatch.chdir(inputs)
     before = sorted(inputs.iterdir())
     code = main(["track", *(str(clip[0]) if a == "CLIP" else a for a in arguments)])
-    told = capsys.readouterr()
+    captured = capsys.readouterr()
     assert code == 2
-    assert told.out == ""
-    assert told.err.startswith("ssiam: ")
-    assert named in told.err
-    assert told.err.count("\n") == 1
+    assert captured.out == ""
+    assert captured.err.startswith("ssiam: ")
+    assert named in captured.err
+    assert captured.err.count("\n") == 1
     assert sorted(inputs.iterdir()) == before
 
 
-def test_weights_of_another_network_in_a_process(clip, shared, tmp_path):
+def test_weights_of_another_network(clip, shared, tmp_path):
     weights = shared("data/weights/nanotrackv3")
     done = run("track", clip[0], "--box", box_of(BOX), *NANO, "--weights", weights, cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)

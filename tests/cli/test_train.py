@@ -1,4 +1,4 @@
-"""`ssiam train` where something is missing; whole runs are in tests/training."""
+"""`ssiam train` with missing inputs; complete runs are in tests/training."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ import pytest
 from ssiam.cli import main
 
 
-def test_without_pytorch_the_extra_is_named(tmp_path):
+def test_missing_pytorch_names_the_extra(tmp_path):
     code = (
         "import sys; sys.modules['torch'] = None\n"
         "from ssiam.cli import main\n"
@@ -27,14 +27,14 @@ def test_without_pytorch_the_extra_is_named(tmp_path):
         pytest.param(None, "lite.toml cannot be read", id="no file"),
         pytest.param("steps = ", "lite.toml", id="no TOML"),
         pytest.param("stepz = 5\n", "stepz", id="unknown key"),
-        pytest.param('[[sources]]\nlayout = "davis"\npath = "gone"\n', "gone", id="no data"),
+        pytest.param('[[sources]]\nlayout = "davis"\npath = "missing"\n', "missing", id="no data"),
     ],
 )
-def test_a_bad_config_is_one_line_that_names_it(tmp_path, monkeypatch, capsys, content, named):
+def test_invalid_config_gives_one_line_error(tmp_path, monkeypatch, capsys, content, named):
     monkeypatch.chdir(tmp_path)
     if content is not None:
         (tmp_path / "lite.toml").write_text(content)
     assert main(["train", "lite.toml"]) == 2
-    told = capsys.readouterr().err
-    assert named in told
-    assert told.count("\n") == 1
+    error = capsys.readouterr().err
+    assert named in error
+    assert error.count("\n") == 1

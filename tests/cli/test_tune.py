@@ -1,4 +1,4 @@
-"""`ssiam tune` from its arguments to options that `ssiam track` understands."""
+"""`ssiam tune`: search, resuming, and options for `ssiam track`."""
 
 import shlex
 import signal
@@ -21,7 +21,7 @@ def arguments(dataset):
     return ["tune", str(dataset), "--trackers", "kcf", "--parameter", "thx2=2:40"]
 
 
-def test_the_best_options_are_those_of_track(dataset, arguments, tmp_path, capsys):
+def test_best_options_are_accepted_by_track(dataset, arguments, tmp_path, capsys):
     search = ["--parameter", "keypoints=gftt,direct", "--parameter", "window=2:9"]
     assert main([*arguments, *search, "--out", str(tmp_path), "--trials", "3"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -32,7 +32,7 @@ def test_the_best_options_are_those_of_track(dataset, arguments, tmp_path, capsy
     assert main([*words, "--results", str(tmp_path / "r.csv")]) == 0
 
 
-def test_a_killed_search_goes_on_where_it_stopped(arguments, tmp_path, capsys):
+def test_killed_search_is_resumed(arguments, tmp_path, capsys):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     command = [sys.executable, "-m", "ssiam", *arguments, "--out", str(killed), "--trials", "99"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -60,22 +60,29 @@ def test_a_killed_search_goes_on_where_it_stopped(arguments, tmp_path, capsys):
         pytest.param(["--trackers", "nanotrack_v3"], "needs weights", id="no weights"),
     ],
 )
-def test_wrong_arguments_are_told_in_one_line(arguments, tmp_path, more, named, capsys):
+def test_wrong_arguments_give_one_line_error(arguments, tmp_path, more, named, capsys):
     own = [arguments[1], *arguments[4:]] if more[0] == "--trackers" else arguments[1:]
     assert main(["tune", *own, "--out", str(tmp_path), *more]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert named in told.err
-    assert told.err.count("\n") == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert named in captured.err
+    assert captured.err.count("\n") == 1
 
 
-def test_a_dataset_that_is_not_there_is_told(tmp_path, capsys):
-    arguments = ["tune", str(tmp_path / "gone"), "--trackers", "kcf", "--out", str(tmp_path / "o")]
+def test_missing_dataset_is_named(tmp_path, capsys):
+    arguments = [
+        "tune",
+        str(tmp_path / "missing"),
+        "--trackers",
+        "kcf",
+        "--out",
+        str(tmp_path / "o"),
+    ]
     assert main(arguments) == 2
-    assert "gone" in capsys.readouterr().err
+    assert "missing" in capsys.readouterr().err
 
 
-def test_a_run_that_fails_ends_the_trial_but_not_its_other_runs(tmp_path, capsys):
+def test_failed_run_stops_the_trial_after_its_other_runs(tmp_path, capsys):
     data = write_dataset(tmp_path / "data", sequences=3, frames=12)
     broken = data / "clip0" / "img" / "0002.jpg"
     content = broken.read_bytes()

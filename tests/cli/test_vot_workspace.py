@@ -1,4 +1,4 @@
-"""`ssiam vot-workspace` from its arguments to its files."""
+"""`ssiam vot-workspace`: written files and errors."""
 
 import configparser
 
@@ -16,7 +16,7 @@ def sequences(tmp_path):
     return tmp_path / "data"
 
 
-def test_a_section_for_each_tracker_and_way_and_the_next_commands(sequences, tmp_path, capsys):
+def test_sections_and_next_commands(sequences, tmp_path, capsys):
     folder = tmp_path / "my ws"
     arguments = ["--trackers", "csrt,kcf", "--stabilize", "off,paper", "--sequences"]
     assert main(["vot-workspace", str(folder), *arguments, str(sequences)]) == 0
@@ -24,14 +24,14 @@ def test_a_section_for_each_tracker_and_way_and_the_next_commands(sequences, tmp
     config.read(folder / "trackers.ini")
     labels = ["csrt-off", "csrt-paper", "kcf-off", "kcf-paper"]
     assert config.sections() == labels
-    told = capsys.readouterr().out
-    assert "trackers: 4, sequences: 1\n" in told
-    assert f"cd '{folder}'" in told
-    assert f"vot evaluate {' '.join(labels)}\n" in told
-    assert f"vot analysis --name all {' '.join(labels)}\n" in told
+    output = capsys.readouterr().out
+    assert "trackers: 4, sequences: 1\n" in output
+    assert f"cd '{folder}'" in output
+    assert f"vot evaluate {' '.join(labels)}\n" in output
+    assert f"vot analysis --name all {' '.join(labels)}\n" in output
 
 
-def test_weights_belong_to_a_tracker(sequences, shared, tmp_path):
+def test_weights_option(sequences, shared, tmp_path):
     weights = shared("data/weights/nanotrackv3")
     arguments = ["--trackers", "nanotrack_v3", "--stabilize", "off", "--sequences", str(sequences)]
     arguments += ["--weights", f"nanotrack_v3={weights}"]
@@ -43,27 +43,33 @@ def test_weights_belong_to_a_tracker(sequences, shared, tmp_path):
     ("arguments", "named"),
     [
         pytest.param(("--trackers", "csrt,magic"), "'magic'", id="unknown tracker"),
-        pytest.param(("--stabilize", "off,on"), "'on'", id="unknown steadying"),
-        pytest.param(("--weights", "gone"), "its path", id="weights of no tracker"),
-        pytest.param(("--weights", "kcf=gone"), "kcf is not in --trackers", id="another tracker"),
-        pytest.param(("--weights", "csrt=gone"), "csrt has no weights", id="weights in vain"),
+        pytest.param(("--stabilize", "off,on"), "'on'", id="unknown stabilization"),
+        pytest.param(("--weights", "missing"), "its path", id="weights of no tracker"),
+        pytest.param(
+            ("--weights", "kcf=missing"), "kcf is not in --trackers", id="another tracker"
+        ),
+        pytest.param(
+            ("--weights", "csrt=missing"), "csrt has no weights", id="weights without a network"
+        ),
         pytest.param(("--trackers", "nanotrack_v1"), "needs weights", id="weights not given"),
         pytest.param(("--stack", "No Such"), "No Such", id="no stack"),
-        pytest.param(("--sequences", "gone"), "gone", id="no sequences"),
+        pytest.param(("--sequences", "missing"), "missing", id="no sequences"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_no_trace(sequences, tmp_path, arguments, named, capsys):
+def test_invalid_input_gives_one_line_error_and_no_files(
+    sequences, tmp_path, arguments, named, capsys
+):
     given = ["--sequences", str(sequences)] if "--sequences" not in arguments else []
     assert main(["vot-workspace", str(tmp_path / "ws"), *given, *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("ssiam: ")
-    assert named in told.err
-    assert told.err.count("\n") == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("ssiam: ")
+    assert named in captured.err
+    assert captured.err.count("\n") == 1
     assert not (tmp_path / "ws").exists()
 
 
-def test_a_second_run_needs_force(sequences, tmp_path, capsys):
+def test_existing_workspace_needs_force(sequences, tmp_path, capsys):
     command = ["vot-workspace", str(tmp_path / "ws"), "--sequences", str(sequences)]
     assert [main(command), main(command), main([*command, "--force"])] == [0, 2, 0]
     assert "config.yaml exists already: give --force" in capsys.readouterr().err

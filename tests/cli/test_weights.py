@@ -1,4 +1,4 @@
-"""`ssiam weights`: what it lists, imports and exports, and what it says of other files."""
+"""`ssiam weights`: list, import, export, and errors for other files."""
 
 import json
 
@@ -26,21 +26,21 @@ def models():
     return models
 
 
-def test_the_list_says_where_everything_is_published(capsys):
+def test_list_shows_where_weights_are_published(capsys):
     assert main(["weights", "list"]) == 0
     out = capsys.readouterr().out
     for tracker, publication in PUBLISHED.items():
-        assert f"{tracker}: not here" in out
+        assert f"{tracker}: not available" in out
         assert f"{publication.file} at {publication.where}" in out
-    assert "size about 9.4 MB, licence MIT" in out
-    assert "size unknown, licence CC BY-SA 3.0" in out
+    assert "size about 9.4 MB, license MIT" in out
+    assert "size unknown, license CC BY-SA 3.0" in out
 
 
-def test_an_import_is_listed_and_can_be_taken_on(models, cache, tmp_path, capsys):
+def test_imported_weights_are_listed_and_can_be_imported_again(models, cache, tmp_path, capsys):
     assert main(["weights", "import", str(models.checkpoint(ALEX))]) == 0
     out = capsys.readouterr().out
     assert f": {ALEX}\n" in out
-    assert f"kept in {cache / ALEX}" in out
+    assert f"stored in {cache / ALEX}" in out
     assert main(["weights", "list"]) == 0
     assert f"{ALEX}: {cache / ALEX} ({ALEX}.pth, ONNX f32)" in capsys.readouterr().out
     other = tmp_path / "other"
@@ -50,7 +50,7 @@ def test_an_import_is_listed_and_can_be_taken_on(models, cache, tmp_path, capsys
     assert f"{ALEX}: {other / ALEX} (ONNX f32)" in capsys.readouterr().out
 
 
-def test_an_export_is_named_after_the_tracker(models, tmp_path, capsys):
+def test_export_is_named_after_the_tracker(models, tmp_path, capsys):
     file = str(models.checkpoint("siamfc"))
     assert main(["weights", "export", "siamfc", file]) == 0
     assert capsys.readouterr().out == f"{file}: siamfc, f32, written to weights/siamfc\n"
@@ -62,7 +62,7 @@ def test_an_export_is_named_after_the_tracker(models, tmp_path, capsys):
     assert "siamfc: weights/siamfc (ONNX f32)" in capsys.readouterr().out
 
 
-def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
+def test_int8_with_a_folder_of_images(models, tmp_path, monkeypatch):
     import cv2
 
     from helpers.synthetic import golden_video
@@ -79,11 +79,13 @@ def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
-        pytest.param(["export", "csrt", "FILE"], "unknown tracker with a .pth file", id="no net"),
+        pytest.param(
+            ["export", "csrt", "FILE"], "unknown tracker with a .pth file", id="no network"
+        ),
         pytest.param(["export", ALEX, "FILE"], f"those of siamfc, not of {ALEX}", id="another"),
-        pytest.param(["export", "siamfc", "nowhere.pth"], "nowhere.pth do not exist", id="absent"),
+        pytest.param(["export", "siamfc", "missing.pth"], "missing.pth do not exist", id="absent"),
         pytest.param(
             ["export", "siamfc", "FILE", "--precision", "int8"], "needs pictures", id="no pictures"
         ),
@@ -94,19 +96,19 @@ def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
         pytest.param(["import", "x.onnx"], "ONNX without a network.json", id="onnx"),
     ],
 )
-def test_one_line_of_complaint(models, tmp_path, capsys, arguments, complaint):
+def test_wrong_arguments_give_one_line_error(models, tmp_path, capsys, arguments, message):
     (tmp_path / "page.pth").write_text("<html>")
     (tmp_path / "x.onnx").write_bytes(b"\x08")
     words = [str(models.checkpoint("siamfc")) if each == "FILE" else each for each in arguments]
     assert main(["weights", *words]) == 2
     error = capsys.readouterr().err
-    assert complaint in error
+    assert message in error
     assert error.count("\n") == 1
 
 
-def test_a_network_without_a_tracker(models, tmp_path, capsys):
+def test_network_without_a_tracker_is_refused(models, tmp_path, capsys):
     from helpers.network_files import flat_state, saved
 
     file = saved(tmp_path / "base.pth", flat_state("SiamMask_foolwood_base"))
     assert main(["weights", "import", str(file)]) == 2
-    assert "siammask_base, for which there is no tracker" in capsys.readouterr().err
+    assert "siammask_base, which no tracker uses" in capsys.readouterr().err

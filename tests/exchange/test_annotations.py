@@ -1,4 +1,4 @@
-"""Results read back as they were written, and the annotations they make."""
+"""Annotations from results: written results are read back, arguments are checked."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 from helpers.written_results import CORNERS, FPS, SIZE, TRACKS, csv_of, written
 from ssiam.errors import ArgumentError
 from ssiam.exchange import Annotation, Annotations, read_annotations
-from ssiam.exchange.annotations import annotation_of
+from ssiam.exchange.annotations import annotation_from_track
 from ssiam.track import Track
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.jsonl"])
-def test_what_ssiam_track_writes_comes_back(tmp_path, name):
+def test_written_results_are_read_back(tmp_path, name):
     frames = [list(TRACKS.values())] * 2
     read = read_annotations(written(tmp_path / name, frames), SIZE, FPS)
     assert (read.size_wh, read.fps, read.frame_count) == (SIZE, FPS, 2)
     assert read.names == ("target 1", "target 2", "target 3")
     assert read.rows == tuple(
-        annotation_of(frame, frame / 25, target, track)
+        annotation_from_track(frame, frame / 25, target, track)
         for frame, tracks in enumerate(frames)
         for target, track in enumerate(tracks, start=1)
     )
@@ -43,23 +43,25 @@ tracks = st.builds(
 
 
 @given(st.lists(tracks, min_size=1, max_size=4), st.sampled_from(["csv", "jsonl"]))
-def test_any_track_comes_back(frames, suffix):
+def test_any_track_is_read_back(frames, suffix):
     with tempfile.TemporaryDirectory() as folder:
         path = written(Path(folder) / f"r.{suffix}", [[track] for track in frames])
         rows = read_annotations(path, SIZE, FPS).rows
-    assert rows == tuple(annotation_of(i, i / 25, 1, track) for i, track in enumerate(frames))
+    assert rows == tuple(
+        annotation_from_track(i, i / 25, 1, track) for i, track in enumerate(frames)
+    )
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.jsonl"])
-def test_a_box_that_is_no_number_is_a_lost_target(tmp_path, name):
-    broken = Track((math.nan, 2, 3, 4), score=math.nan, corners=np.full((4, 2), math.nan))
-    (row,) = read_annotations(written(tmp_path / name, [[broken]]), SIZE, FPS).rows
+def test_box_that_is_not_finite_is_lost(tmp_path, name):
+    not_finite = Track((math.nan, 2, 3, 4), score=math.nan, corners=np.full((4, 2), math.nan))
+    (row,) = read_annotations(written(tmp_path / name, [[not_finite]]), SIZE, FPS).rows
     assert row == Annotation(0, 0.0, 1, (0.0, 0.0, 0.0, 0.0), None, 0.0, lost=True)
-    assert row == annotation_of(0, 0.0, 1, broken)
-    assert not row.seen
+    assert row == annotation_from_track(0, 0.0, 1, not_finite)
+    assert not row.visible
 
 
-def test_frames_and_targets_may_be_left_out(tmp_path):
+def test_frames_and_targets_may_be_missing(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text(csv_of({"frame": "7", "target": "2", "time": ""}, {"frame": "5"}) + "\n")
     read = read_annotations(path, SIZE, FPS, ["a", "b"])
@@ -71,7 +73,7 @@ def test_frames_and_targets_may_be_left_out(tmp_path):
     }
 
 
-def test_a_table_without_rows_has_no_targets(tmp_path):
+def test_table_without_rows_has_no_targets(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text(csv_of())
     read = read_annotations(path, SIZE, FPS)
@@ -81,7 +83,7 @@ def test_a_table_without_rows_has_no_targets(tmp_path):
 @pytest.mark.parametrize(
     ("size_wh", "fps", "names", "words"),
     [
-        pytest.param((0, 96), 25, ["a"], "is no size of frames", id="no width"),
+        pytest.param((0, 96), 25, ["a"], "is not positive", id="no width"),
         pytest.param(SIZE, 0, ["a"], "frame rate 0 is not", id="no rate"),
         pytest.param(SIZE, math.inf, ["a"], "frame rate inf is not", id="infinite rate"),
         pytest.param(SIZE, math.nan, ["a"], "frame rate nan is not", id="nan rate"),
@@ -89,7 +91,7 @@ def test_a_table_without_rows_has_no_targets(tmp_path):
         pytest.param(SIZE, 25, [], "0 names for the 1 targets", id="no names"),
     ],
 )
-def test_impossible_arguments(tmp_path, size_wh, fps, names, words):
+def test_invalid_arguments_are_refused(tmp_path, size_wh, fps, names, words):
     path = written(tmp_path / "r.csv", [[TRACKS["plain"]]])
     with pytest.raises(ArgumentError, match=words):
         read_annotations(path, size_wh, fps, names)
@@ -101,15 +103,15 @@ def test_every_target_needs_a_name():
         Annotations(SIZE, 25, ("a",), (row,))
 
 
-def test_the_length_may_be_more_than_what_rows_tell():
+def test_length_may_exceed_the_rows():
     row = Annotation(4, None, 1, (1.0, 2.0, 3.0, 4.0))
     assert Annotations(SIZE, 25, ("a",), (row,)).frame_count == 5
     assert Annotations(SIZE, 25, ("a",), (row,), length=9).frame_count == 9
     assert Annotations(SIZE, 25, ("a",), (row,), length=2).frame_count == 5
 
 
-def test_names_without_what_formats_cannot_hold():
+def test_unprintable_characters_in_names_are_replaced():
     names = ("boat\n\x00\ud800", "", "Müller 船")
     annotations = Annotations(SIZE, 25, names, ())
-    shown = [annotations.name(target) for target in (1, 2, 3)]
-    assert shown == ["boat\ufffd\ufffd\ufffd", "target 2", "Müller 船"]
+    printable = [annotations.name(target) for target in (1, 2, 3)]
+    assert printable == ["boat\ufffd\ufffd\ufffd", "target 2", "Müller 船"]

@@ -1,4 +1,4 @@
-"""Damaged results are refused in one line with file and line."""
+"""Damaged results: the error is one line with file and line number."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from ssiam.exchange import AnnotationsError, read_annotations
 
 CSV_DAMAGES = [
     # name of the case, text of the file, words of the message
-    ("empty", "", "line 1 names no column 'frame'"),
-    ("no header", csv_of({}).split("\n", 1)[1], "line 1 names no column 'frame'"),
-    ("column missing", csv_of({}).replace("lost", "found"), "line 1 names no column 'lost'"),
-    ("web page", "<html>\n<body>\n", "line 1 names no column"),
+    ("empty", "", "line 1 has no column 'frame'"),
+    ("no header", csv_of({}).split("\n", 1)[1], "line 1 has no column 'frame'"),
+    ("column missing", csv_of({}).replace("lost", "found"), "line 1 has no column 'lost'"),
+    ("web page", "<html>\n<body>\n", "line 1 has no column"),
     (
         "cut off",
         csv_of({}, {})[: -len("0,30,40,0.9,0,,,,,,,,,,,,,,")],
-        "line 3: has 5 values where the header names 22",
+        "line 3: has 5 values, but the header has 22",
     ),
     ("one too many", csv_of({}, {"x": "1,2"}), "line 3: has 23 values"),
     ("word", csv_of({"w": "wide"}), "line 2: w is 'wide', not a number"),
@@ -50,7 +50,7 @@ JSON_DAMAGES = [
     [pytest.param("csv", *case, id=f"csv {name}") for name, *case in CSV_DAMAGES]
     + [pytest.param("jsonl", *case, id=f"jsonl {name}") for name, *case in JSON_DAMAGES],
 )
-def test_damage_is_told_with_file_and_line(tmp_path, suffix, text, words):
+def test_error_names_file_and_line(tmp_path, suffix, text, words):
     path = tmp_path / f"r.{suffix}"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(AnnotationsError) as caught:
@@ -70,7 +70,7 @@ def test_damage_is_told_with_file_and_line(tmp_path, suffix, text, words):
         pytest.param("1" + "0" * 400, "int too large", id="huge whole number"),
     ],
 )
-def test_json_values_are_numbers(tmp_path, value, words):
+def test_json_values_must_be_numbers(tmp_path, value, words):
     path = written(tmp_path / "r.jsonl", [[TRACKS["plain"]]])
     path.write_text(path.read_text().replace("10.123", value))
     with pytest.raises(AnnotationsError) as caught:
@@ -78,13 +78,13 @@ def test_json_values_are_numbers(tmp_path, value, words):
     assert str(caught.value).startswith(f"{path}: line 1: {words}")
 
 
-def test_the_number_of_lines_is_limited(tmp_path, monkeypatch):
-    monkeypatch.setattr("ssiam.exchange.result_lines._MOST_LINES", 3)
+def test_number_of_lines_is_limited(tmp_path, monkeypatch):
+    monkeypatch.setattr("ssiam.exchange.result_files._MOST_LINES", 3)
     path = tmp_path / "r.csv"
     path.write_text(csv_of({"frame": "0"}, {"frame": "1"}))
     assert len(read_annotations(path, SIZE, FPS).rows) == 2
     path.write_text(csv_of({"frame": "0"}, {"frame": "1"}, {"frame": "2"}))
-    with pytest.raises(AnnotationsError, match="line 4: no more can be read"):
+    with pytest.raises(AnnotationsError, match="line 4: over 3 lines"):
         read_annotations(path, SIZE, FPS)
 
 
@@ -96,7 +96,7 @@ def test_the_number_of_lines_is_limited(tmp_path, monkeypatch):
         pytest.param("r.txt", "unknown kind of results; give a .csv", id="another kind"),
     ],
 )
-def test_other_files_are_refused(tmp_path, name, words):
+def test_files_of_other_kinds_are_refused(tmp_path, name, words):
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "r.txt").write_text("1,2,3,4\n")
     with pytest.raises(AnnotationsError) as caught:

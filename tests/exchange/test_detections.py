@@ -1,4 +1,4 @@
-"""Tracks as supervision's detections, with the real supervision where it is installed."""
+"""Tracks as supervision's detections, with the real supervision if it is installed."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ CORNERS = np.array([[20.0, 10.0], [40.0, 20.0], [35.0, 30.0], [15.0, 20.0]])
 MASK = np.zeros((60, 80), bool)
 MASK[10:30, 15:40] = True
 PLAIN = Track((1.0, 2.0, 30.0, 40.0), score=0.75)
-TURNED = Track((15.0, 10.0, 25.0, 20.0), score=0.5, corners=CORNERS, mask=MASK)
+ROTATED = Track((15.0, 10.0, 25.0, 20.0), score=0.5, corners=CORNERS, mask=MASK)
 LOST = Track((5.0, 6.0, 7.0, 8.0), score=0.1, lost=True)
-BROKEN = Track((float("nan"), 6.0, 7.0, 8.0))
+NOT_FINITE = Track((float("nan"), 6.0, 7.0, 8.0))
 
 
 @pytest.fixture
@@ -28,8 +28,8 @@ def supervision():
     )
 
 
-def test_lost_targets_are_left_out():
-    fields = detection_fields([PLAIN, LOST, BROKEN, TURNED], ids=[3, 4, 5, 9])
+def test_lost_targets_are_omitted():
+    fields = detection_fields([PLAIN, LOST, NOT_FINITE, ROTATED], ids=[3, 4, 5, 9])
     assert fields["xyxy"].tolist() == [[1, 2, 31, 42], [15, 10, 40, 30]]
     assert fields["confidence"].tolist() == [0.75, 0.5]
     assert fields["tracker_id"].tolist() == [3, 9]
@@ -46,13 +46,13 @@ def test_ids_count_from_1():
 
 
 def test_masks_are_stacked():
-    fields = detection_fields([TURNED, LOST, TURNED])
+    fields = detection_fields([ROTATED, LOST, ROTATED])
     assert fields["mask"].shape == (2, 60, 80)
     assert (fields["mask"] == MASK).all()
 
 
 @pytest.mark.parametrize("tracks", [[], [LOST]], ids=["no targets", "all lost"])
-def test_nothing_keeps_its_shape(tracks):
+def test_empty_detections_have_valid_shapes(tracks):
     fields = detection_fields(tracks)
     assert {name: np.shape(fields[name]) for name in ("xyxy", "confidence", "tracker_id")} == {
         "xyxy": (0, 4),
@@ -62,12 +62,12 @@ def test_nothing_keeps_its_shape(tracks):
     assert fields["data"]["corners"].shape == (0, 4, 2)
 
 
-def test_ids_must_be_as_many_as_tracks():
+def test_number_of_ids_must_match_tracks():
     with pytest.raises(ArgumentError, match="1 ids for 2 tracks"):
-        detection_fields([PLAIN, TURNED], ids=[1])
+        detection_fields([PLAIN, ROTATED], ids=[1])
 
 
-def test_supervision_that_is_missing_is_named(monkeypatch):
+def test_missing_supervision_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "supervision", None)
     with pytest.raises(MissingExtraError, match=r"pip install supervision$"):
         to_detections([PLAIN])
@@ -76,12 +76,12 @@ def test_supervision_that_is_missing_is_named(monkeypatch):
 @pytest.mark.parametrize(
     ("tracks", "count"),
     [
-        pytest.param([PLAIN, LOST, TURNED], 2, id="some"),
-        pytest.param([TURNED, TURNED], 2, id="masks"),
+        pytest.param([PLAIN, LOST, ROTATED], 2, id="some"),
+        pytest.param([ROTATED, ROTATED], 2, id="masks"),
         pytest.param([LOST], 0, id="none"),
     ],
 )
-def test_supervision_takes_them(supervision, tracks, count):
+def test_supervision_accepts_the_fields(supervision, tracks, count):
     detections = to_detections(tracks)
     assert isinstance(detections, supervision.Detections)
     assert len(detections) == count
@@ -89,8 +89,8 @@ def test_supervision_takes_them(supervision, tracks, count):
     assert len(detections[detections.confidence > 0.6]) == (PLAIN in tracks)
 
 
-def test_supervision_draws_them(supervision):
-    detections = to_detections([PLAIN, TURNED], ids=[4, 7])
+def test_supervision_draws_the_boxes(supervision):
+    detections = to_detections([PLAIN, ROTATED], ids=[4, 7])
     by_track = {"color_lookup": supervision.ColorLookup.TRACK, "thickness": 1}
     for annotator in (supervision.BoxAnnotator, supervision.OrientedBoxAnnotator):
         scene = annotator(**by_track).annotate(np.zeros((60, 80, 3), np.uint8), detections)

@@ -1,4 +1,4 @@
-"""`ssiam export` from its arguments to its files."""
+"""`ssiam export`: arguments, files and errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COCO = ["r.csv", "--to", "coco"]
 
 
 def changed(**options):
-    """`PLAIN` with other values."""
+    """`PLAIN` with some options replaced."""
     given = dict(zip(PLAIN[::2], PLAIN[1::2], strict=True))
     given |= {f"--{name}": value for name, value in options.items()}
     return [word for pair in given.items() for word in pair]
@@ -35,7 +35,7 @@ def results(tmp_path, monkeypatch):
     return tmp_path / "r.csv"
 
 
-def test_size_and_rate_from_the_video(tmp_path, capsys):
+def test_size_and_rate_from_video(tmp_path, capsys):
     write_clip(tmp_path / "clip.mp4", 3, rate=Fraction(30000, 1001))
     arguments = ["export", "r.csv", "--to", "labelstudio", "--video", "clip.mp4"]
     assert main([*arguments, "--out", "task.json", "--names", "boat, crew"]) == 0
@@ -48,7 +48,7 @@ def test_size_and_rate_from_the_video(tmp_path, capsys):
     assert boat["sequence"][0]["x"] == pytest.approx(100 * 10 / 160)
 
 
-def test_every_kind_from_size_and_rate(tmp_path):
+def test_all_formats_from_size_and_rate(tmp_path):
     for kind in ("cvat", "coco", "labelstudio", "got10k"):
         arguments = ["export", "r.csv", "--to", kind, "--size", "160x96", "--fps", "30000/1001"]
         assert main([*arguments, "--out", f"out.{kind}"]) == 0
@@ -61,20 +61,20 @@ def test_every_kind_from_size_and_rate(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         pytest.param(["r.csv", "--to", "yolo", *PLAIN], "yolo", id="unknown kind"),
         pytest.param(["r.csv", *PLAIN], "--to", id="no kind"),
         pytest.param(["none.csv", "--to", "coco", *PLAIN], "none.csv: cannot be read", id="absent"),
         pytest.param(
-            ["damaged.csv", "--to", "coco", *PLAIN], "damaged.csv: line 1 names no", id="damaged"
+            ["damaged.csv", "--to", "coco", *PLAIN], "damaged.csv: line 1 has no", id="damaged"
         ),
         pytest.param([*COCO, "--out", "o"], "give either --video", id="no size"),
         pytest.param([*COCO, "--out", "o", "--size", "9x9"], "give either", id="no rate"),
         pytest.param([*COCO, "--video", "r.csv", *PLAIN], "give either", id="both"),
-        pytest.param([*COCO, *changed(size="big")], "--size 'big' is no", id="bad size"),
-        pytest.param([*COCO, *changed(size="0x9")], "is no size of frames", id="empty"),
-        pytest.param([*COCO, *changed(fps="1/0")], "--fps '1/0' is no", id="bad rate"),
+        pytest.param([*COCO, *changed(size="big")], "--size 'big' is not", id="bad size"),
+        pytest.param([*COCO, *changed(size="0x9")], "is not positive", id="empty"),
+        pytest.param([*COCO, *changed(fps="1/0")], "--fps '1/0' is not", id="bad rate"),
         pytest.param([*COCO, *PLAIN, "--names", "a"], "1 names for the 2", id="names"),
         pytest.param([*COCO, *changed(out="r.csv")], "is the file of results", id="same"),
         pytest.param([*COCO, *changed(out="no/o")], "there is no folder", id="no folder"),
@@ -85,11 +85,11 @@ def test_every_kind_from_size_and_rate(tmp_path):
         ),
     ],
 )
-def test_one_line_of_complaint(results, capsys, arguments, complaint):
+def test_wrong_arguments_give_one_line_error(results, capsys, arguments, message):
     before = results.read_bytes()
     (results.parent / "damaged.csv").write_text("<html>\n")
     assert main(["export", *arguments]) == 2
     error = capsys.readouterr().err
-    assert complaint in error
+    assert message in error
     assert error.count("\n") == 1
     assert results.read_bytes() == before

@@ -1,4 +1,4 @@
-"""What all exports share: their errors, and that they repeat."""
+"""Properties of all export formats: errors, determinism, names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NEEDS_FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /
 
 
 @pytest.mark.parametrize("kind", EXPORT_KINDS)
-def test_the_same_annotations_give_the_same_bytes(annotations, tmp_path, kind):
+def test_equal_annotations_give_equal_bytes(annotations, tmp_path, kind):
     path = tmp_path / "export"
     path.write_bytes(b"older" * 10_000)
     write_exports(annotations, path, kind)
@@ -34,7 +34,7 @@ def test_the_same_annotations_give_the_same_bytes(annotations, tmp_path, kind):
         pytest.param("full", "No space left on device", id="disk full", marks=NEEDS_FULL),
     ],
 )
-def test_what_cannot_be_written_is_told(annotations, tmp_path, kind, name, words):
+def test_unwritable_exports_raise_sink_error(annotations, tmp_path, kind, name, words):
     (tmp_path / "folder").mkdir()
     (tmp_path / "full").symlink_to("/dev/full")
     with pytest.raises(SinkError, match=words):
@@ -42,20 +42,20 @@ def test_what_cannot_be_written_is_told(annotations, tmp_path, kind, name, words
 
 
 @pytest.mark.parametrize("kind", EXPORT_KINDS)
-def test_no_targets_are_an_export_too(tmp_path, kind):
+def test_export_without_targets(tmp_path, kind):
     path = tmp_path / "export"
     write_exports(Annotations((200, 100), 25, (), ()), path, kind)
     assert path.stat().st_size > 0
 
 
-def test_an_unknown_kind_is_told(annotations, tmp_path):
+def test_unknown_kind_is_refused(annotations, tmp_path):
     with pytest.raises(
         ArgumentError, match="unknown kind of export 'yolo': choose from cvat, coco"
     ):
         write_exports(annotations, tmp_path / "export", "yolo")
 
 
-def test_a_target_that_is_never_seen_is_in_no_tool(tmp_path):
+def test_target_that_is_never_visible_is_not_exported(tmp_path):
     row = Annotation(0, None, 1, (1.0, 2.0, 3.0, 4.0), lost=True)
     annotations = Annotations((200, 100), 25, ("boat",), (row,))
     path = tmp_path / "export"
@@ -70,7 +70,7 @@ FOLDERS = [
     ("plain", ["boat", "walker"], ["boat", "walker"]),
     ("same", ["boat", "boat", "Boat"], ["boat", "boat_2", "Boat_3"]),
     ("taken", ["boat", "boat_2", "boat"], ["boat", "boat_2", "boat_3"]),
-    ("ways out", ["../../etc", "/root", "..", "."], ["etc", "root", "target", "target_2"]),
+    ("path traversal", ["../../etc", "/root", "..", "."], ["etc", "root", "target", "target_2"]),
     ("windows", ["C:\\x", "a*?b"], ["C_x", "a_b"]),
     ("the list itself", ["list.txt"], ["list.txt_2"]),
     ("letters", ["Möwe 1", "船"], ["Möwe_1", "船"]),
@@ -81,7 +81,7 @@ FOLDERS = [
 @pytest.mark.parametrize(
     ("names", "folders"), [pytest.param(*case, id=name) for name, *case in FOLDERS]
 )
-def test_folders_of_got10k_stay_inside_and_apart(tmp_path, names, folders):
+def test_got10k_folder_names_are_safe_and_unique(tmp_path, names, folders):
     rows = tuple(Annotation(0, None, i, (1.0, 2.0, 3.0, 4.0)) for i in range(1, len(names) + 1))
     path = tmp_path / "got.zip"
     write_exports(Annotations((200, 100), 25, tuple(names), rows), path, "got10k")
@@ -102,7 +102,7 @@ def test_folders_of_got10k_stay_inside_and_apart(tmp_path, names, folders):
         pytest.param((10.0, 90.0, 20.0, 10.1), "1", id="bottom"),
     ],
 )
-def test_boxes_that_the_frame_cuts(tmp_path, xywh, cut):
+def test_boxes_cut_by_the_frame(tmp_path, xywh, cut):
     path = tmp_path / "got.zip"
     rows = (Annotation(0, None, 1, xywh),)
     write_exports(Annotations((200, 100), 25, ("boat",), rows), path, "got10k")

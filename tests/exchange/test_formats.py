@@ -1,4 +1,4 @@
-"""Each format to the digit, read with the means of its kind."""
+"""Exact contents of each export format."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_cvat(exported):
     root = ElementTree.parse(exported("cvat")).getroot()
     assert (root.tag, root.findtext("version")) == ("annotations", "1.1")
     task = root.find("meta/task")
-    heads = {each.tag: each.text for each in task if not len(each)}
-    assert heads == {
+    fields = {each.tag: each.text for each in task if not len(each)}
+    assert fields == {
         **{"name": "clip & co.mp4", "size": "6", "mode": "interpolation", "overlap": "0"},
         "source": "clip & co.mp4",
     }
@@ -56,7 +56,7 @@ def test_cvat(exported):
     assert dict(first[2].attrib) == dict(first[1].attrib) | {"frame": "2", "outside": "1"}
 
 
-def test_cvat_turns_boxes_about_their_centre(exported):
+def test_cvat_rotates_boxes_about_their_center(exported):
     track = ElementTree.parse(exported("cvat")).getroot().findall("track")[1]
     assert [(box.get("frame"), box.get("outside")) for box in track] == [
         ("1", "0"),
@@ -79,8 +79,8 @@ def test_coco(exported):
     ]
     found = content["annotations"]
     assert [each["id"] for each in found] == [1, 2, 3, 4, 5, 6]
-    places = [(each["image_id"], each["track_id"]) for each in found]
-    assert places == [(1, 1), (2, 1), (2, 2), (3, 2), (5, 1), (6, 1)]
+    indices = [(each["image_id"], each["track_id"]) for each in found]
+    assert indices == [(1, 1), (2, 1), (2, 2), (3, 2), (5, 1), (6, 1)]
     assert found[1] == {
         **{"id": 2, "image_id": 2, "category_id": 1, "track_id": 1, "iscrowd": 0},
         **{"bbox": [11.0, 20.5, 30.25, 40.0], "area": 1210.0, "segmentation": []},
@@ -94,7 +94,7 @@ def test_coco(exported):
     }
 
 
-def test_targets_of_one_name_are_one_category(annotations, tmp_path):
+def test_targets_with_equal_names_share_a_category(annotations, tmp_path):
     annotations = replace(annotations, names=("boat", "boat"))
     path = tmp_path / "export"
     write_exports(annotations, path, "coco")
@@ -134,15 +134,15 @@ def test_label_studio(exported):
     }
 
 
-def test_label_studio_turns_boxes_about_their_corner(exported):
+def test_label_studio_rotates_boxes_about_their_corner(exported):
     (task,) = json.loads(exported("labelstudio").read_text())
     sequence = task["predictions"][0]["result"][1]["value"]["sequence"]
     assert [(each["frame"], each["enabled"]) for each in sequence] == [(2, True), (3, False)]
-    told = [sequence[0][name] for name in ("x", "y", "width", "height", "rotation")]
-    assert told == [43.839746, 31.339746, 20.0, 20.0, 30.0]
+    values = [sequence[0][name] for name in ("x", "y", "width", "height", "rotation")]
+    assert values == [43.839746, 31.339746, 20.0, 20.0, 30.0]
 
 
-def test_got10k_by_our_own_reader(exported, tmp_path):
+def test_got10k_is_read_back(exported, tmp_path):
     with ZipFile(exported("got10k")) as archive:
         archive.extractall(tmp_path / "got")
     names = (tmp_path / "got" / "list.txt").read_text().split()
@@ -166,7 +166,7 @@ def test_got10k_by_our_own_reader(exported, tmp_path):
     assert not first.tags["cut_by_image"].any()
 
 
-def test_got10k_to_the_digit(exported):
+def test_got10k_file_contents(exported):
     with ZipFile(exported("got10k")) as archive:
         truth = archive.read("boat_crew/groundtruth.txt").decode().splitlines()
         meta = archive.read("boat_crew/meta_info.ini").decode()
@@ -178,6 +178,6 @@ def test_got10k_to_the_digit(exported):
         **{"object_class": FIRST, "motion_class": "none", "major_class": "none"},
         **{"root_class": "none", "motion_adverb": "none", "resolution": "(200, 100)"},
     }
-    # Readers of GOT-10k's toolkit part the lines by ": ", those of pytracking count them.
+    # GOT-10k's toolkit splits the lines at ": ", pytracking relies on their order.
     assert [len(line.split(": ")) for line in meta.splitlines()[1:]] == [2] * 10
     assert meta.splitlines()[5] == f"object_class: {FIRST}"

@@ -1,4 +1,4 @@
-"""Any targets, as the programs that read an export show them frame by frame."""
+"""Random targets, as displayed frame by frame by the programs that read an export."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssiam.exchange import Annotation, Annotations, write_exports
-from ssiam.exchange.boxes import turned_box
+from ssiam.exchange.annotations import rotated_box
 
 WIDTH, HEIGHT, FRAMES, TARGETS = 320, 240, 12, 3
 
@@ -39,7 +39,7 @@ def any_annotations(draw):
 
 
 def shown_by_cvat(path, length):
-    """As CVAT does it: a box stays until the next keyframe, unless that one is outside."""
+    """As in CVAT: a box is displayed until the next keyframe, unless it is outside."""
     shown = {}
     for track in ElementTree.parse(path).getroot().iter("track"):
         boxes = {int(box.get("frame")): box for box in track}
@@ -58,7 +58,7 @@ def shown_by_cvat(path, length):
 
 
 def shown_by_label_studio(path, length):
-    """As its player does it: the last keyframe counts, one that is not enabled on its own frame."""
+    """As in its player: the last keyframe counts; one not enabled counts on its own frame only."""
     shown = {}
     (task,) = json.loads(path.read_text())
     for result in task["predictions"][0]["result"]:
@@ -106,8 +106,8 @@ def shown_by_got10k(path, length, numbers):
 
 @settings(max_examples=60, deadline=None)
 @given(any_annotations())
-def test_a_target_is_shown_where_it_is_seen_and_nowhere_else(annotations):
-    expected = {(row.frame, row.target): row.xywh for row in annotations.rows if row.seen}
+def test_targets_are_displayed_exactly_where_visible(annotations):
+    expected = {(row.frame, row.target): row.xywh for row in annotations.rows if row.visible}
     length = annotations.frame_count
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "export"
@@ -120,8 +120,8 @@ def test_a_target_is_shown_where_it_is_seen_and_nowhere_else(annotations):
             write_exports(annotations, path, kind)
             shown = read(path, length)
             assert shown.keys() == expected.keys(), kind
-            for place, box in shown.items():
-                assert box == pytest.approx(expected[place], abs=0.0011), kind
+            for key, box in shown.items():
+                assert box == pytest.approx(expected[key], abs=0.0011), kind
 
 
 @given(
@@ -131,20 +131,20 @@ def test_a_target_is_shown_where_it_is_seen_and_nowhere_else(annotations):
     st.integers(0, 3),
     st.booleans(),
 )
-def test_a_turned_box_has_the_corners_it_came_from(centre, size, degrees, start, reverse):
-    corners = turned(centre, size, degrees)
+def test_rotated_box_has_the_original_corners(center, size, degrees, start, reverse):
+    corners = rotated_corners(center, size, degrees)
     ordered = np.roll(corners[::-1] if reverse else corners, start, axis=0)
-    box = turned_box(Annotation(0, None, 1, (0, 0, 1, 1), tuple(map(tuple, ordered.tolist()))))
+    box = rotated_box(Annotation(0, None, 1, (0, 0, 1, 1), tuple(map(tuple, ordered.tolist()))))
     assert abs(box.degrees) <= 45 + 1e-6
-    again = turned((box.cx, box.cy), (box.w, box.h), box.degrees)
+    again = rotated_corners((box.cx, box.cy), (box.w, box.h), box.degrees)
     distances = np.linalg.norm(again[:, None] - corners, axis=2)
     assert distances.min(axis=1).max() < 1e-6
     assert sorted(distances.argmin(axis=1)) == [0, 1, 2, 3]
-    assert again[0] == pytest.approx(box.turned_xy, abs=1e-9)
+    assert again[0] == pytest.approx(box.rotated_xy, abs=1e-9)
 
 
-def turned(centre, size, degrees):
-    """Corners of a box turned clockwise on screen, from the one that was top left."""
+def rotated_corners(center, size, degrees):
+    """Corners of a box rotated clockwise on screen, starting with the original top left one."""
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     half = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * np.array(size) / 2
-    return half @ np.array([[cos, sin], [-sin, cos]]) + centre
+    return half @ np.array([[cos, sin], [-sin, cos]]) + center

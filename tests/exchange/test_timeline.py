@@ -1,4 +1,4 @@
-"""Numbers of frames at one rate, from their own times."""
+"""`timeline`: frame numbers at a constant rate, from frame times."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONSTANT = [
 
 
 @pytest.mark.parametrize(("times", "fps"), [c[1:] for c in CONSTANT], ids=[c[0] for c in CONSTANT])
-def test_constant_rates_count_frames(times, fps):
+def test_constant_rate_counts_frames(times, fps):
     line = timeline(_annotations(times, fps))
     assert (line.fps, line.count) == (fps, len(times))
     assert line.numbers == {frame: frame for frame in range(len(times))}
@@ -36,17 +36,17 @@ def test_constant_rates_count_frames(times, fps):
 
 VARIABLE = [
     ("a phone in the dark", [0, 0.04, 0.08, 0.24, 0.4, 0.56, 0.6, 0.64], Fraction(1000, 91), 25),
-    ("another rate than told", [i / 5 for i in range(30)], 25, 25),
-    ("slower than told by a little", [i / 24.2 for i in range(90)], 25, 24.2),
-    ("arrival", [0, 0.21, 0.39, 0.63, 0.8, 0.997, 1.23], 25, 25),
-    ("very close", [0, 0.5, 0.5004, 1.0], 25, 1000),
+    ("announced rate is wrong", [i / 5 for i in range(30)], 25, 25),
+    ("slightly slower than announced", [i / 24.2 for i in range(90)], 25, 24.2),
+    ("times of arrival", [0, 0.21, 0.39, 0.63, 0.8, 0.997, 1.23], 25, 25),
+    ("very short gap", [0, 0.5, 0.5004, 1.0], 25, 1000),
 ]
 
 
 @pytest.mark.parametrize(
     ("times", "fps", "expected"), [v[1:] for v in VARIABLE], ids=[v[0] for v in VARIABLE]
 )
-def test_variable_rates_give_each_frame_the_number_of_its_time(times, fps, expected):
+def test_variable_rate_numbers_frames_by_time(times, fps, expected):
     line = timeline(_annotations(times, fps))
     assert float(line.fps) == pytest.approx(expected, rel=1e-3)
     numbers = [line.numbers[frame] for frame in range(len(times))]
@@ -58,7 +58,7 @@ def test_variable_rates_give_each_frame_the_number_of_its_time(times, fps, expec
     assert line.count > numbers[-1]
 
 
-def test_frames_without_annotations_count():
+def test_frames_without_annotations_are_counted():
     line = timeline(_annotations([0.4, 0.8], 25, frames=(2, 4), length=10))
     assert line.numbers == {2: 10, 4: 20}
     assert line.count == round((0.8 + 6 / 25) * 25)

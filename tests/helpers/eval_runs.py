@@ -1,4 +1,4 @@
-"""VOT's results to be measured, and `ssiam eval` run on them."""
+"""VOT results, and running `ssiam eval` on them."""
 
 import json
 
@@ -19,7 +19,7 @@ def truth(length):
 
 
 def dataset(folder, name="VOT2018", **changes):
-    """pysot's JSON form, without images."""
+    """Write a dataset as pysot's JSON file, without images."""
     records = {}
     for sequence, length in LENGTHS.items():
         boxes = truth(length).tolist()
@@ -40,7 +40,7 @@ def dataset(folder, name="VOT2018", **changes):
 
 
 def results(folder, shift=0.0, lost=(), lengths=LENGTHS):
-    """A tracker's folder: `shift` pixels beside the truth, lost once in the sequences `lost`."""
+    """Write a tracker's folder: truth moved by `shift` pixels, one loss per sequence in `lost`."""
     for name, length in lengths.items():
         status = np.full(length, Status.TRACKED, np.int8)
         status[0] = Status.INITIALIZED

@@ -11,7 +11,7 @@ from functools import partial
 
 import cv2
 
-from helpers.video_clips import picture
+from helpers.video_clips import numbered_image
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
@@ -87,7 +87,7 @@ class JpegCamera:
             pass
 
     def _part(self):
-        data = cv2.imencode(".jpg", picture(self.sent % 256, *self.size))[1].tobytes()
+        data = cv2.imencode(".jpg", numbered_image(self.sent % 256, *self.size))[1].tobytes()
         self.sent += 1
         head = f"--part\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
         return head.encode() + data + b"\r\n"

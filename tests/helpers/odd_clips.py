@@ -1,4 +1,4 @@
-"""Clips with sound, wide pixels, a display matrix, two streams, or damaged frames."""
+"""Clips with sound, non-square pixels, a display matrix, two streams, or damaged frames."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from fractions import Fraction
 import av
 import numpy as np
 
-from helpers.video_clips import picture, write_clip
+from helpers.video_clips import numbered_image, write_clip
 
-SAMPLES = 48000  # of sound, a second
+SAMPLES = 48000  # of sound, per second
 
 
-def anamorphic(path, aspect):
+def write_anamorphic(path, aspect):
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=25)
         stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
         stream.codec_context.sample_aspect_ratio = aspect
         for number in range(3):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(numbered_image(number), format="bgr24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     return path
@@ -31,8 +31,8 @@ def displayed_aspect(path):
         return Fraction(stream.width, stream.height) * (stream.sample_aspect_ratio or 1)
 
 
-def with_preview(path):
-    """A small stream of other numbers first, as some cameras write it."""
+def write_two_streams(path):
+    """Write a small preview stream before the main stream, as some cameras do."""
     with av.open(str(path), "w") as container:
         streams = []
         for width, height in ((128, 32), (320, 192)):
@@ -41,7 +41,7 @@ def with_preview(path):
             streams.append(stream)
         for number in range(5):
             for shift, stream in enumerate(streams):
-                image = picture(number + 100 * shift, stream.width, stream.height)
+                image = numbered_image(number + 100 * shift, stream.width, stream.height)
                 frame = av.VideoFrame.from_ndarray(image, format="bgr24")
                 container.mux(stream.encode(frame))
         for stream in streams:
@@ -49,8 +49,8 @@ def with_preview(path):
     return path
 
 
-def with_sound(path, codec="aac", *, count=50, rate=25, begins=0.0):
-    """`count` frames and as many seconds of a tone that grows louder."""
+def write_clip_with_sound(path, codec="aac", *, count=50, rate=25, begins=0.0):
+    """Write `count` frames and a tone of the same duration that grows louder."""
     layout, kind = "mono", {"aac": "fltp", "libopus": "flt"}.get(codec, "s16")
     with av.open(str(path), "w") as container:
         video = container.add_stream("libx264", rate=rate, options={"bf": "0"})
@@ -61,7 +61,7 @@ def with_sound(path, codec="aac", *, count=50, rate=25, begins=0.0):
         seconds = np.arange(total) / SAMPLES
         tone = (8000 * seconds * np.sin(2 * np.pi * 440 * seconds)).astype(np.int16)
         for number in range(count):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(numbered_image(number), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, rate)
             container.mux(video.encode(frame))
             part = tone[number * SAMPLES // rate : (number + 1) * SAMPLES // rate]
@@ -76,14 +76,14 @@ def with_sound(path, codec="aac", *, count=50, rate=25, begins=0.0):
     return path
 
 
-def scratched(path, places, codec="mjpeg"):
-    """A clip in which the packets at these places cannot be decoded."""
+def write_undecodable(path, indices, codec="mjpeg"):
+    """Write a clip in which the packets with these indices cannot be decoded."""
     write_clip(path, 40, codec=codec, codec_options={"g": "1"} if codec == "libx264" else None)
     with av.open(str(path)) as container:
         packets = [packet for packet in container.demux(video=0) if packet.size]
     data = bytearray(path.read_bytes())
-    for place in places:
-        start, size = packets[place].pos, packets[place].size
+    for index in indices:
+        start, size = packets[index].pos, packets[index].size
         data[start : start + size] = bytes(size)
     path.write_bytes(data)
     return path

@@ -1,4 +1,4 @@
-"""A shaking clip, `ssiam` run on it in a process, and its outputs read."""
+"""A shaky clip, running `ssiam` on it in a process, and reading its outputs."""
 
 import csv
 import subprocess
@@ -18,12 +18,12 @@ COUNT = 40
 
 
 def write_clip(path, count=COUNT, fps=Fraction(30000, 1001)):
-    """A shaking clip, and the true place of BOX in each frame."""
+    """Write a shaky clip; returns the true position of BOX in each frame."""
     frame_from_world = poses(generator(2).normal(0, (3, 2, 0.004), (count, 3)), SIZE)
-    picture = world(size_wh=SIZE)
+    image = world(size_wh=SIZE)
     with VideoSink(path, fps) as sink:
         for pose in frame_from_world:
-            sink.write(seen(picture, pose))
+            sink.write(seen(image, pose))
     start = np.linalg.inv(frame_from_world[0])
     return [map_box(pose @ start, BOX) for pose in frame_from_world]
 
@@ -43,6 +43,6 @@ def rows_of(path):
 
 
 def run(*arguments, **options):
-    """`ssiam` in a process of its own."""
+    """Run `ssiam` in a separate process."""
     command = [sys.executable, "-m", "ssiam", *(str(a) for a in arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)

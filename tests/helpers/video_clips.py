@@ -1,4 +1,4 @@
-"""Small videos for the tests: every picture carries its number in a row of bits."""
+"""Small test videos: every image encodes its number as a row of black and white cells."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ WIDTH, HEIGHT = 160, 96
 _BITS, _CELL = 8, 16
 
 
-def picture(number, width=WIDTH, height=HEIGHT):
-    """Noise that moves and cannot be compressed to nothing, over it `number` as bits."""
+def numbered_image(number, width=WIDTH, height=HEIGHT):
+    """Moving noise, which does not compress well, with `number` encoded as bits."""
     noise = np.random.default_rng(7).integers(0, 256, (height // 4 + 1, width // 4 + 99, 3))
     moved = noise[:, number % 60 : number % 60 + width // 4 + 1].astype(np.uint8)
     image = np.ascontiguousarray(moved.repeat(4, axis=0).repeat(4, axis=1)[:height, :width])
@@ -52,12 +52,12 @@ def write_clip(
         stream = container.add_stream(codec, rate=rate, options=codec_options or {})
         stream.width, stream.height = size
         stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
-        # The same bytes on every machine; x264 makes a slice a thread.
+        # Reproducible bytes: x264 makes one slice per thread.
         stream.thread_count = 1
         base = 1 / rate if seconds is None else Fraction(1, 1000)
         stream.codec_context.time_base = base
         for index in range(count):
-            frame = av.VideoFrame.from_ndarray(picture(index, *size), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(numbered_image(index, *size), format="bgr24")
             frame.pts = index if seconds is None else round(seconds[index] * 1000)
             frame.time_base = base
             container.mux(stream.encode(frame))
@@ -66,7 +66,7 @@ def write_clip(
 
 
 def decoded(path: Path) -> list[av.VideoFrame]:
-    """All frames of a file by PyAV alone, not through the code under test."""
+    """All frames of a file, decoded by PyAV and not by the code under test."""
     with av.open(str(path)) as container:
         return list(container.decode(video=0))
 
@@ -75,13 +75,13 @@ def y4m(numbers: Iterable[int], rate: Fraction = NTSC) -> bytes:
     header = f"YUV4MPEG2 W{WIDTH} H{HEIGHT} F{rate.numerator}:{rate.denominator} Ip A1:1 C420jpeg\n"
     parts = [header.encode()]
     for number in numbers:
-        frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+        frame = av.VideoFrame.from_ndarray(numbered_image(number), format="bgr24")
         parts += [b"FRAME\n", frame.reformat(format="yuv420p").to_ndarray().tobytes()]
     return b"".join(parts)
 
 
-def drained(frames):
-    """The numbers in the frames that came, and the error of ours that ended them, or None."""
+def read_all(frames):
+    """Numbers of the delivered frames, and the `SsiamError` that ended them, or None."""
     numbers = []
     try:
         for frame in frames:
@@ -92,7 +92,7 @@ def drained(frames):
 
 
 def cut(path: Path, share: float) -> Path:
-    """A copy that breaks off after this share of the bytes."""
+    """A copy with only this share of the bytes."""
     data = path.read_bytes()
     target = path.with_name(f"cut_{path.name}")
     target.write_bytes(data[: int(len(data) * share)])
@@ -100,7 +100,7 @@ def cut(path: Path, share: float) -> Path:
 
 
 def python(code: str, *args: str, **kwargs) -> subprocess.Popen:
-    """A Python of its own that runs `code` with this ssiam."""
+    """Start a Python process that runs `code` with this ssiam."""
     source = str(Path(ssiam.__file__).parents[1])
     paths = [source, str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
@@ -108,9 +108,9 @@ def python(code: str, *args: str, **kwargs) -> subprocess.Popen:
 
 
 def shared(*parts: str) -> Path:
-    """A file of the shared data, or the test is skipped."""
+    """A file of the shared data; skips the test if it is missing."""
     default = Path(__file__).parents[3] / "shared"
     path = Path(os.environ.get("SSIAM_SHARED", default)).joinpath(*parts)
     if not path.exists():
-        pytest.skip(f"shared data not here: {path} (set SSIAM_SHARED)")
+        pytest.skip(f"shared data not found: {path} (set SSIAM_SHARED)")
     return path

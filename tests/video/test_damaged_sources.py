@@ -1,4 +1,4 @@
-"""Damaged, unreadable and absent sources: what still comes, and what is told of the rest."""
+"""Damaged, unreadable and missing sources: delivered frames and error messages."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import av
 import numpy as np
 import pytest
 
-from helpers.video_clips import drained, number_in, write_clip
+from helpers.video_clips import number_in, read_all, write_clip
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.video import open_source
 
 
-def test_damaged_packet_in_the_middle_does_not_end_the_stream(tmp_path):
+def test_damaged_packet_does_not_end_the_stream(tmp_path):
     path = write_clip(tmp_path / "scratched.mkv", 60, codec="mpeg4")
     data = bytearray(path.read_bytes())
     middle = len(data) // 2
@@ -25,13 +25,13 @@ def test_damaged_packet_in_the_middle_does_not_end_the_stream(tmp_path):
     assert numbers[-1] == 59
 
 
-def test_changed_frame_size_names_frame_and_sizes(tmp_path):
+def test_frame_size_error_names_frame_and_sizes(tmp_path):
     small = write_clip(tmp_path / "a.ts", 10)
     large = write_clip(tmp_path / "b.ts", 10, size=(320, 192))
     joined = tmp_path / "joined.ts"
     joined.write_bytes(small.read_bytes() + large.read_bytes())
     with open_source(joined) as source:
-        numbers, error = drained(source)
+        numbers, error = read_all(source)
         assert next(source, None) is None
     assert numbers == list(range(10))
     assert isinstance(error, FrameSizeError)
@@ -50,8 +50,8 @@ def _audio_only(path):
 
 
 UNREADABLE = [
-    # name of the case, file, what makes it, words of the message
-    ("missing", "nowhere.mp4", lambda path: None, "no such file"),
+    # name of the case, file, function that writes it, words of the message
+    ("missing", "missing.mp4", lambda path: None, "no such file"),
     ("empty", "empty.mp4", lambda path: path.write_bytes(b""), "empty"),
     ("text as mp4", "notes.mp4", lambda path: path.write_text("a note\n" * 99), "is it a video"),
     ("text", "notes.txt", lambda path: path.write_text("a note\n" * 99), "video"),
@@ -69,7 +69,7 @@ def _halve(path):
 @pytest.mark.parametrize(
     ("name", "make", "words"), [u[1:] for u in UNREADABLE], ids=[u[0] for u in UNREADABLE]
 )
-def test_unreadable_file_is_named_in_one_line(tmp_path, name, make, words):
+def test_unreadable_file_error_is_one_line(tmp_path, name, make, words):
     path = tmp_path / name
     make(path)
     with pytest.raises(SourceError) as caught:
@@ -80,7 +80,7 @@ def test_unreadable_file_is_named_in_one_line(tmp_path, name, make, words):
     assert "\n" not in message
 
 
-def test_absent_camera_is_named(tmp_path):
+def test_missing_camera_error_names_it(tmp_path):
     for spec in ("99", 99, -1, "/dev/video99"):
         with pytest.raises(SourceError, match=r"^camera -?\d+: there is no such camera"):
             open_source(spec)

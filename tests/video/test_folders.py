@@ -1,4 +1,4 @@
-"""Folders of images, and captures of OpenCV."""
+"""Folders of images, and OpenCV captures."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.video_clips import drained, number_in, picture, write_clip
+from helpers.video_clips import number_in, numbered_image, read_all, write_clip
 from ssiam.errors import FrameSizeError, SourceError, StreamError
 from ssiam.video import open_source
-from ssiam.video.cameras import open_capture
+from ssiam.video.sources import open_capture
 
 
-def _save(folder, names):
+def _write_images(folder, names):
     folder.mkdir(exist_ok=True)
     for number, name in enumerate(names):
-        cv2.imwrite(str(folder / name), picture(number))
+        cv2.imwrite(str(folder / name), numbered_image(number))
 
 
 def test_natural_order_and_times(tmp_path):
     names = ["1.jpg", "2.jpg", "9.jpg", "10.jpg", "11.jpg", "100.jpg"]
-    _save(tmp_path / "seq", names)
+    _write_images(tmp_path / "seq", names)
     with open_source(tmp_path / "seq") as source:
         assert source.length == 6
         assert source.fps == 30
@@ -29,9 +29,9 @@ def test_natural_order_and_times(tmp_path):
     assert [frame.time for frame in frames] == pytest.approx([i / 30 for i in range(6)])
 
 
-def test_every_kind_of_image_and_nothing_else(tmp_path):
+def test_all_image_types_and_no_other_files(tmp_path):
     folder = tmp_path / "seq"
-    _save(folder, ["1.JPG", "2.jpeg", "3.png", "4.bmp", "5.tif", "6.TIFF", "7.webp"])
+    _write_images(folder, ["1.JPG", "2.jpeg", "3.png", "4.bmp", "5.tif", "6.TIFF", "7.webp"])
     (folder / "groundtruth_rect.txt").write_text("1,2,3,4\n")
     (folder / "._1.jpg").write_bytes(b"resource fork")
     (folder / "thumbs.jpg").mkdir()
@@ -39,12 +39,12 @@ def test_every_kind_of_image_and_nothing_else(tmp_path):
         assert [number_in(frame.image) for frame in source] == list(range(7))
 
 
-def test_unreadable_image_breaks_off_at_its_place(tmp_path):
+def test_unreadable_image_ends_the_source(tmp_path):
     folder = tmp_path / "seq"
-    _save(folder, ["1.png", "2.png", "3.png", "4.png"])
+    _write_images(folder, ["1.png", "2.png", "3.png", "4.png"])
     (folder / "3.png").write_bytes(b"not an image")
     with open_source(folder) as source:
-        numbers, error = drained(source)
+        numbers, error = read_all(source)
     assert numbers == [0, 1]
     assert isinstance(error, StreamError)
     assert "after 2 of 4 frames: 3.png" in str(error)
@@ -53,23 +53,23 @@ def test_unreadable_image_breaks_off_at_its_place(tmp_path):
         open_source(folder)
 
 
-def test_other_size_names_frame_and_sizes(tmp_path):
+def test_frame_size_error_names_frame_and_size(tmp_path):
     folder = tmp_path / "seq"
-    _save(folder, ["1.png", "2.png"])
+    _write_images(folder, ["1.png", "2.png"])
     cv2.imwrite(str(folder / "3.png"), np.zeros((50, 70, 3), np.uint8))
     with open_source(folder) as source, pytest.raises(FrameSizeError, match=r"frame 2 .*70x50"):
         list(source)
 
 
-def test_folder_above_the_images_is_told_where_they_are(tmp_path):
-    _save(tmp_path / "img", ["1.jpg"])
+def test_error_for_parent_folder_names_image_folder(tmp_path):
+    _write_images(tmp_path / "img", ["1.jpg"])
     (tmp_path / "groundtruth_rect.txt").write_text("1,2,3,4\n")
     with pytest.raises(SourceError, match=r"did you mean .*img\?"):
         open_source(tmp_path)
 
 
-def test_capture_that_ends_broke_off(tmp_path):
-    """A camera has no end; a file stands in for one that is unplugged."""
+def test_end_of_capture_is_a_stream_error(tmp_path):
+    """A camera has no end; the end of a file simulates unplugging it."""
     path = write_clip(tmp_path / "camera.mp4", 8)
     times = []
     with open_capture("camera 0", cv2.VideoCapture(str(path))) as source:
@@ -77,8 +77,8 @@ def test_capture_that_ends_broke_off(tmp_path):
         assert float(source.fps) == pytest.approx(29.97, abs=0.01)
         with pytest.raises(StreamError, match="camera 0: broke off after 8 frames"):
             times.extend(frame.time for frame in source)
-    nothing = cv2.VideoCapture(str(path))
-    while nothing.read()[0]:
+    exhausted = cv2.VideoCapture(str(path))
+    while exhausted.read()[0]:
         pass
-    with pytest.raises(SourceError, match="delivers no picture"):
-        open_capture("camera 0", nothing)
+    with pytest.raises(SourceError, match="delivers no frame"):
+        open_capture("camera 0", exhausted)

@@ -1,4 +1,4 @@
-"""`VideoSink`: what is written comes back, and what cannot be written is refused."""
+"""`VideoSink`: written frames can be read back, and unwritable outputs are refused."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.video_clips import NTSC, decoded, number_in, picture
+from helpers.video_clips import NTSC, decoded, number_in, numbered_image
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.video import VideoSink, open_source
 
@@ -17,11 +17,11 @@ NAMES = ["out.mp4", "out.mkv", "out.avi", "out.mov", "OUT.MP4"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_written_frames_come_back(tmp_path, name):
+def test_written_frames_are_read_back(tmp_path, name):
     path = tmp_path / name
     with VideoSink(path, NTSC) as sink:
         for number in range(40):
-            sink.write(picture(number))
+            sink.write(numbered_image(number))
     frames = decoded(path)
     assert [number_in(f.to_ndarray(format="bgr24")) for f in frames] == list(range(40))
     with av.open(str(path)) as container:
@@ -32,12 +32,12 @@ def test_written_frames_come_back(tmp_path, name):
         assert container.duration / av.time_base == pytest.approx(40 / NTSC, abs=0.002)
 
 
-def test_mp4_is_what_browsers_play(tmp_path):
+def test_mp4_is_not_fragmented_after_closing(tmp_path):
     path = tmp_path / "out.mp4"
     with VideoSink(path, 25) as sink:
         for number in range(60):
-            sink.write(picture(number))
-    # A finished file is a plain mp4: its index counts every frame, none lies in fragments.
+            sink.write(numbered_image(number))
+    # A finished file is a plain mp4: its index counts every frame, and it has no fragments.
     with av.open(str(path)) as container:
         assert container.streams.video[0].frames == 60
     boxes = _boxes(path.read_bytes())
@@ -47,20 +47,20 @@ def test_mp4_is_what_browsers_play(tmp_path):
 
 
 def _boxes(data):
-    kinds, place = [], 0
-    while place < len(data):
-        size = int.from_bytes(data[place : place + 4], "big")
+    kinds, start = [], 0
+    while start < len(data):
+        size = int.from_bytes(data[start : start + 4], "big")
         if size == 1:
-            size = int.from_bytes(data[place + 8 : place + 16], "big")
-        kinds.append(data[place + 4 : place + 8])
-        place += size
+            size = int.from_bytes(data[start + 8 : start + 16], "big")
+        kinds.append(data[start + 4 : start + 8])
+        start += size
     return kinds
 
 
-def test_opencv_reads_it_too(tmp_path):
+def test_opencv_reads_the_file(tmp_path):
     with VideoSink(tmp_path / "out.mp4", 30) as sink:
         for number in range(10):
-            sink.write(picture(number))
+            sink.write(numbered_image(number))
     capture = cv2.VideoCapture(str(tmp_path / "out.mp4"))
     assert [number_in(capture.read()[1]) for _ in range(10)] == list(range(10))
 
@@ -70,15 +70,15 @@ def test_variable_times_are_kept(tmp_path, name):
     seconds = [100.0, 100.04, 100.08, 100.5, 100.52, 101.7, 101.8]
     with VideoSink(tmp_path / name, 25) as sink:
         for number, second in enumerate(seconds):
-            sink.write(picture(number), second)
+            sink.write(numbered_image(number), second)
     times = [frame.time for frame in decoded(tmp_path / name)]
     assert times == pytest.approx([second - 100 for second in seconds], abs=0.0006)
 
 
-def test_source_to_sink_keeps_ntsc_exactly(tmp_path):
+def test_ntsc_rate_is_kept_exactly(tmp_path):
     with VideoSink(tmp_path / "a.mp4", NTSC) as sink:
         for number in range(90):
-            sink.write(picture(number))
+            sink.write(numbered_image(number))
     with open_source(tmp_path / "a.mp4") as source, VideoSink(tmp_path / "b.mp4", NTSC) as sink:
         for frame in source:
             sink.write(frame.image, frame.time)
@@ -97,8 +97,8 @@ def test_odd_sizes_are_padded_to_even_ones(tmp_path, size):
     assert got.reshape(-1, 3).max(axis=0) == pytest.approx((40, 60, 220), abs=6)
 
 
-def test_input_is_not_changed_and_may_be_a_view(tmp_path):
-    image = picture(3, 320, 192)
+def test_input_is_not_modified_and_may_be_a_view(tmp_path):
+    image = numbered_image(3, 320, 192)
     before = image.copy()
     with VideoSink(tmp_path / "out.mp4", 25) as sink:
         sink.write(image[::2, ::2])
@@ -119,7 +119,7 @@ UNWRITABLE = [
 @pytest.mark.parametrize(
     ("name", "words"), [u[1:] for u in UNWRITABLE], ids=[u[0] for u in UNWRITABLE]
 )
-def test_unwritable_path_is_refused_at_once(tmp_path, name, words):
+def test_unwritable_path_is_refused_on_construction(tmp_path, name, words):
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "file.txt").write_text("")
     with pytest.raises(SinkError, match=words) as caught:
@@ -129,13 +129,13 @@ def test_unwritable_path_is_refused_at_once(tmp_path, name, words):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_write_protected_folder_is_refused_at_once(tmp_path):
+def test_write_protected_folder_is_refused_on_construction(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(SinkError, match="cannot be written"):
         VideoSink(tmp_path / "out.mp4", 25)
 
 
-def test_refused_or_empty_sink_leaves_no_file(tmp_path):
+def test_sink_without_frames_leaves_no_file(tmp_path):
     with VideoSink(tmp_path / "out.mp4", 25):
         pass
     assert list(tmp_path.iterdir()) == []
@@ -143,12 +143,12 @@ def test_refused_or_empty_sink_leaves_no_file(tmp_path):
 
 def test_other_frame_size_is_refused(tmp_path):
     with VideoSink(tmp_path / "out.mp4", 25) as sink:
-        sink.write(picture(0))
+        sink.write(numbered_image(0))
         with pytest.raises(FrameSizeError, match=r"320x96 .*160x96"):
-            sink.write(picture(0, 320, 96))
+            sink.write(numbered_image(0, 320, 96))
 
 
 @pytest.mark.parametrize("rate", [0, -1, float("nan"), float("inf")])
-def test_impossible_rate_is_refused(tmp_path, rate):
+def test_invalid_rate_is_refused(tmp_path, rate):
     with pytest.raises(ValueError, match="frame rate"):
         VideoSink(tmp_path / "out.mp4", rate)

@@ -1,4 +1,4 @@
-"""Standard input and network addresses; the network is this machine's own."""
+"""Standard input and network addresses, with local servers."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from functools import partial
 
 import pytest
 
-from helpers.video_clips import NTSC, drained, picture, python, write_clip, y4m
+from helpers.video_clips import NTSC, numbered_image, python, read_all, write_clip, y4m
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
-from ssiam.video.addresses import public_name
+from ssiam.video.sources import redact_address
 
 _READ_STDIN = """
 import json, sys
@@ -26,16 +26,16 @@ from helpers.video_clips import number_in
 from ssiam.errors import SsiamError
 from ssiam.video import RawFormat, open_source
 raw = RawFormat((160, 96), sys.argv[1], Fraction(25)) if len(sys.argv) > 1 else None
-told = {"numbers": [], "times": []}
+result = {"numbers": [], "times": []}
 try:
     with open_source("-", raw=raw) as source:
-        told["fps"] = str(source.fps)
+        result["fps"] = str(source.fps)
         for frame in source:
-            told["numbers"].append(number_in(frame.image))
-            told["times"].append(frame.time)
+            result["numbers"].append(number_in(frame.image))
+            result["times"].append(frame.time)
 except SsiamError as error:
-    told["error"] = f"{type(error).__name__}: {error}"
-print(json.dumps(told))
+    result["error"] = f"{type(error).__name__}: {error}"
+print(json.dumps(result))
 """
 
 
@@ -45,32 +45,32 @@ def _read_piped(data, *args):
 
 
 def test_y4m_from_standard_input():
-    told = _read_piped(y4m(range(12)))
-    assert told["numbers"] == list(range(12))
-    assert told["fps"] == str(NTSC)
-    assert told["times"] == pytest.approx([float(i / NTSC) for i in range(12)])
-    assert "error" not in told
+    result = _read_piped(y4m(range(12)))
+    assert result["numbers"] == list(range(12))
+    assert result["fps"] == str(NTSC)
+    assert result["times"] == pytest.approx([float(i / NTSC) for i in range(12)])
+    assert "error" not in result
 
 
 @pytest.mark.parametrize("name", ["clip.ts", "clip.mkv", "clip.avi"])
 def test_containers_from_standard_input(tmp_path, name):
     codec = "mpeg4" if name.endswith("avi") else "libx264"
-    told = _read_piped(write_clip(tmp_path / name, 20, codec=codec).read_bytes())
-    assert told["numbers"] == list(range(20))
-    assert told["fps"] == str(NTSC)
-    assert "error" not in told
+    result = _read_piped(write_clip(tmp_path / name, 20, codec=codec).read_bytes())
+    assert result["numbers"] == list(range(20))
+    assert result["fps"] == str(NTSC)
+    assert "error" not in result
 
 
 @pytest.mark.parametrize("pixel_format", ["bgr24", "rgb24"])
 def test_raw_frames_from_standard_input(pixel_format):
-    told = _read_piped(b"".join(picture(n).tobytes() for n in range(5)), pixel_format)
-    assert told["numbers"] == list(range(5))
-    assert told["times"] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
-    assert "error" not in told
+    result = _read_piped(b"".join(numbered_image(n).tobytes() for n in range(5)), pixel_format)
+    assert result["numbers"] == list(range(5))
+    assert result["times"] == pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
+    assert "error" not in result
 
 
-PIPED_TROUBLE = [
-    # name of the case, bytes, arguments, frames delivered, error
+PIPED_ERRORS = [
+    # name of the case, bytes, arguments, delivered frames, error
     ("nothing", b"", (), 0, "SourceError: standard input:"),
     ("text", b"hello\n" * 500, (), 0, "SourceError: standard input:"),
     ("y4m cut in a frame", y4m(range(6))[:-5000], (), 5, "StreamError: standard input: broke off"),
@@ -81,16 +81,16 @@ PIPED_TROUBLE = [
 
 @pytest.mark.parametrize(
     ("data", "args", "count", "error"),
-    [t[1:] for t in PIPED_TROUBLE],
-    ids=[t[0] for t in PIPED_TROUBLE],
+    [case[1:] for case in PIPED_ERRORS],
+    ids=[case[0] for case in PIPED_ERRORS],
 )
-def test_trouble_on_standard_input(data, args, count, error):
-    told = _read_piped(data, *args)
-    assert len(told["numbers"]) == count
-    assert told["error"].startswith(error)
+def test_errors_on_standard_input(data, args, count, error):
+    result = _read_piped(data, *args)
+    assert len(result["numbers"]) == count
+    assert result["error"].startswith(error)
 
 
-def test_ctrl_c_while_waiting_for_data_is_not_lost():
+def test_ctrl_c_while_waiting_for_data():
     code = """
 from ssiam.video import open_source
 try:
@@ -111,13 +111,13 @@ except KeyboardInterrupt:
     process.stdin.close()
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
+class _Handler(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *args):
         pass
 
 
-class _BreaksOff(_Quiet):
-    """Promises the whole file and hangs up after half of it."""
+class _TruncatingHandler(_Handler):
+    """Announces the whole file and disconnects after half of it."""
 
     def do_GET(self):
         with open(self.translate_path(self.path), "rb") as file:
@@ -139,26 +139,26 @@ def _served(handler):
 @pytest.mark.parametrize("name", ["clip.mp4", "clip.mkv", "clip.ts"])
 def test_http(tmp_path, name):
     write_clip(tmp_path / name, 20)
-    server = _served(partial(_Quiet, directory=tmp_path))
+    server = _served(partial(_Handler, directory=tmp_path))
     with server as address, open_source(f"{address}/{name}") as source:
         assert source.name == f"{address}/{name}"
         assert source.fps == NTSC
-        assert drained(source) == (list(range(20)), None)
+        assert read_all(source) == (list(range(20)), None)
 
 
-def test_http_server_that_hangs_up(tmp_path):
+def test_http_server_that_disconnects(tmp_path):
     write_clip(tmp_path / "clip.mkv", 60)
-    server = _served(partial(_BreaksOff, directory=tmp_path))
+    server = _served(partial(_TruncatingHandler, directory=tmp_path))
     with server as address, open_source(f"{address}/clip.mkv") as source:
-        numbers, error = drained(source)
+        numbers, error = read_all(source)
     assert isinstance(error, StreamError)
     assert f"broke off after {len(numbers)} of 60 frames" in str(error)
     assert numbers == list(range(len(numbers)))
     assert 10 < len(numbers) < 50
 
 
-def test_missing_and_unreachable_addresses_show_no_secret(tmp_path):
-    with _served(partial(_Quiet, directory=tmp_path)) as address:
+def test_errors_for_addresses_contain_no_secret(tmp_path):
+    with _served(partial(_Handler, directory=tmp_path)) as address:
         host = address.removeprefix("http://")
         specs = [
             f"http://anna:hunter2@{host}/none.mp4?token=hunter2",
@@ -184,6 +184,6 @@ NAMES = [
 ]
 
 
-@pytest.mark.parametrize(("address", "public"), NAMES, ids=[n[0] for n in NAMES])
-def test_public_name(address, public):
-    assert public_name(address) == public
+@pytest.mark.parametrize(("address", "redacted"), NAMES, ids=[n[0] for n in NAMES])
+def test_redact_address(address, redacted):
+    assert redact_address(address) == redacted

@@ -1,4 +1,4 @@
-"""Times of frames: the stream's own, those of arrival, or none, but never invented ones."""
+"""Frame times: from the stream, from arrival, or unknown, and frame rates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.video_clips import decoded, number_in, picture, python, write_clip
+from helpers.video_clips import decoded, number_in, numbered_image, python, write_clip
 from ssiam.video import VideoSink, open_source
 
 JITTERED = [0.0, 0.04, 0.065, 0.097, 0.131, 0.166, 0.204, 0.234, 0.27, 0.299]
@@ -24,12 +24,12 @@ SLOWER = [*(0.04 * i for i in range(10)), *(0.36 + 0.16 * i for i in range(1, 6)
 
 
 def _jpeg(number):
-    return cv2.imencode(".jpg", picture(number), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    return cv2.imencode(".jpg", numbered_image(number), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
 @contextmanager
 def _camera(count, gap, *, lengths=True):
-    """An MJPEG camera over HTTP that sends `count` pictures, `gap` seconds apart."""
+    """An MJPEG camera over HTTP that sends `count` images, `gap` seconds apart."""
 
     class Camera(http.server.BaseHTTPRequestHandler):
         def log_message(self, *args):
@@ -53,20 +53,20 @@ def _camera(count, gap, *, lengths=True):
 
 
 @pytest.mark.parametrize("lengths", [True, False])
-def test_mjpeg_over_http_has_the_times_of_arrival(lengths):
+def test_mjpeg_over_http_has_times_of_arrival(lengths):
     with _camera(8, 0.25, lengths=lengths) as address, open_source(address) as source:
-        assert not source.facts.is_rate_known
-        assert source.facts.is_variable
+        assert not source.info.is_rate_known
+        assert source.info.is_variable
         times = []
         with pytest.raises(Exception, match="broke off"):
             times.extend(frame.time for frame in source)
-    # Invented ones would be 0.04 s apart; a busy machine makes them later, not earlier.
+    # FFmpeg would count them 0.04 s apart; a busy machine makes them later, not earlier.
     assert len(times) >= 7
     assert times[0] == 0
     assert times[6] > 6 * 0.25 - 0.1
 
 
-def test_times_of_arrival_do_not_wait_for_who_reads_them():
+def test_times_of_arrival_are_independent_of_the_reader():
     with _camera(8, 0.1) as address, open_source(address) as source:
         first = next(source)
         time.sleep(1.5)
@@ -75,7 +75,7 @@ def test_times_of_arrival_do_not_wait_for_who_reads_them():
     assert second.time < 1.0
 
 
-def test_a_camera_that_is_closed_leaves_no_thread():
+def test_closing_a_camera_ends_its_thread():
     with _camera(30, 0.05) as address:
         source = open_source(address)
         next(source)
@@ -83,12 +83,12 @@ def test_a_camera_that_is_closed_leaves_no_thread():
         assert not [t for t in threading.enumerate() if t.name == "ssiam-arrivals"]
 
 
-def test_bare_pictures_have_no_times(tmp_path):
+def test_concatenated_jpegs_have_no_times(tmp_path):
     path = write_clip(tmp_path / "clip.mjpeg", 6, codec="mjpeg", rate=Fraction(25), format="mjpeg")
     with open_source(path) as source:
         assert [frame.time for frame in source] == [None] * 6
-        assert not source.facts.is_rate_known
-        assert source.facts.remarks == ["tells no times: taken as 25 a second"]
+        assert not source.info.is_rate_known
+        assert source.info.notes == ["has no timestamps: assuming 25 frames per second"]
 
 
 def test_piped_png_has_no_times():
@@ -96,16 +96,18 @@ def test_piped_png_has_no_times():
 from ssiam.video import open_source
 print([frame.time for frame in open_source("-")])
 """
-    data = b"".join(cv2.imencode(".png", picture(number))[1].tobytes() for number in range(4))
+    data = b"".join(
+        cv2.imencode(".png", numbered_image(number))[1].tobytes() for number in range(4)
+    )
     process = python(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert process.communicate(data)[0].strip() == b"[None, None, None, None]"
 
 
-def test_bare_h264_keeps_the_rate_that_it_tells(tmp_path):
+def test_bare_h264_has_announced_rate(tmp_path):
     path = write_clip(tmp_path / "clip.h264", 30, rate=Fraction(50), format="h264")
     with open_source(path) as source:
         assert source.fps == 50
-        assert source.facts.is_rate_known
+        assert source.info.is_rate_known
 
 
 @pytest.mark.parametrize("name", ["clip.dv", "dv.avi"])
@@ -115,7 +117,7 @@ def test_rate_of_dv(tmp_path, name):
         stream = container.add_stream("dvvideo", rate=25)
         stream.width, stream.height, stream.pix_fmt = 720, 576, "yuv420p"
         for number in range(12):
-            frame = av.VideoFrame.from_ndarray(picture(number, 720, 576), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(numbered_image(number, 720, 576), format="bgr24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     if name != "clip.dv":
@@ -136,18 +138,18 @@ def _remux(source, target):
 
 
 @pytest.mark.parametrize("name", ["clip.ts", "clip.asf"])
-def test_ticks_of_the_clock_are_no_rate(tmp_path, name):
-    """FFmpeg tells 2000 and 1000 frames a second of these."""
+def test_clock_ticks_are_not_taken_as_rate(tmp_path, name):
+    """FFmpeg reports 2000 and 1000 frames per second for these."""
     seconds = [time + 0.036 * (i // 10) * 10 for i, time in enumerate(JITTERED * 4)]
     path = write_clip(tmp_path / name, 40, seconds=seconds, codec_options={"bf": "0"})
     with open_source(path) as source:
         assert 20 < source.fps < 45
-        assert source.facts.is_variable
+        assert source.info.is_variable
         assert [frame.time for frame in source] == pytest.approx(seconds, abs=0.002)
 
 
 @pytest.mark.parametrize("name", ["clip.avi", "clip.asf"])
-def test_b_frames_where_only_decoding_times_are_told(tmp_path, name):
+def test_b_frames_with_decoding_times_only(tmp_path, name):
     path = write_clip(tmp_path / name, 40, rate=Fraction(25), codec_options={"bf": "2"})
     with open_source(path) as source:
         frames = list(source)
@@ -157,20 +159,20 @@ def test_b_frames_where_only_decoding_times_are_told(tmp_path, name):
 
 
 @pytest.mark.parametrize("seconds", [JITTERED, SLOWER], ids=["jittered", "slower"])
-def test_avi_shows_frames_of_variable_rate_in_time(tmp_path, seconds):
+def test_avi_keeps_times_of_variable_rate(tmp_path, seconds):
     path = tmp_path / "out.avi"
     rate = Fraction((len(seconds) - 1) / seconds[-1]).limit_denominator(1001)
     with VideoSink(path, rate, is_variable=True) as sink:
         for number, second in enumerate(seconds):
-            sink.write(picture(number), second)
-    assert sink.left_out == 0
-    for times in (_shown(decoded(path)), _by_number(path)):
+            sink.write(numbered_image(number), second)
+    assert sink.dropped_frames == 0
+    for times in (_first_times(decoded(path)), _first_times_by_count(path)):
         first = [times[number] for number in range(len(seconds))]
         assert first == pytest.approx(seconds, abs=0.006)
 
 
-def _shown(frames):
-    """When each number is first seen, seconds since the first frame."""
+def _first_times(frames):
+    """First display time of each number, seconds since the first frame."""
     times = {}
     for frame in frames:
         number = number_in(frame.to_ndarray(format="bgr24"))
@@ -178,8 +180,8 @@ def _shown(frames):
     return times
 
 
-def _by_number(path):
-    """The same for readers that count frames, as OpenCV's users do."""
+def _first_times_by_count(path):
+    """The same for readers that count frames, as with OpenCV."""
     capture = cv2.VideoCapture(str(path))
     rate, times, index = capture.get(cv2.CAP_PROP_FPS), {}, 0
     while (read := capture.read())[0]:
@@ -188,40 +190,46 @@ def _by_number(path):
     return times
 
 
-def test_avi_of_variable_rate_without_times_has_its_rate(tmp_path):
+def test_variable_rate_avi_without_times(tmp_path):
     path = tmp_path / "out.avi"
     with VideoSink(path, 25, is_variable=True) as sink:
-        assert [sink.write(picture(number)) for number in range(5)] == [0, 0.04, 0.08, 0.12, 0.16]
+        assert [sink.write(numbered_image(number)) for number in range(5)] == [
+            0,
+            0.04,
+            0.08,
+            0.12,
+            0.16,
+        ]
     with av.open(str(path)) as container:
         assert container.duration / av.time_base == pytest.approx(0.2)
 
 
-def test_avi_of_constant_rate_stays_as_it_is(tmp_path):
+def test_avi_of_constant_rate_repeats_no_frames(tmp_path):
     with VideoSink(tmp_path / "out.avi", 25) as sink:
         for number in range(30):
-            sink.write(picture(number), number / 25 + 0.004 * (number % 2))
+            sink.write(numbered_image(number), number / 25 + 0.004 * (number % 2))
     assert len(decoded(tmp_path / "out.avi")) == 30
 
 
-def test_avi_leaves_out_and_counts_what_comes_faster_than_its_rate(tmp_path):
+def test_avi_drops_and_counts_frames_faster_than_its_rate(tmp_path):
     path = tmp_path / "out.avi"
     with VideoSink(path, 25) as sink:
-        written = [sink.write(picture(number), number / 50) for number in range(60)]
-    assert sink.left_out == written.count(None) > 20
-    shown = _shown(decoded(path))
-    assert set(shown) == {number for number, time in enumerate(written) if time is not None}
-    assert all(abs(time - number / 50) <= 1.01 / 25 for number, time in shown.items())
+        written = [sink.write(numbered_image(number), number / 50) for number in range(60)]
+    assert sink.dropped_frames == written.count(None) > 20
+    times = _first_times(decoded(path))
+    assert set(times) == {number for number, time in enumerate(written) if time is not None}
+    assert all(abs(time - number / 50) <= 1.01 / 25 for number, time in times.items())
 
 
-def test_other_containers_leave_nothing_out(tmp_path):
+def test_other_containers_drop_no_frames(tmp_path):
     for name in ("out.mp4", "out.mkv"):
         with VideoSink(tmp_path / name, 25) as sink:
-            written = [sink.write(picture(number), number / 50) for number in range(20)]
+            written = [sink.write(numbered_image(number), number / 50) for number in range(20)]
         assert written == pytest.approx([number / 50 for number in range(20)], abs=1e-4)
         assert all(after > before for before, after in pairwise(written))
 
 
-def test_gif_and_apng_keep_their_own_times(tmp_path):
+def test_apng_keeps_its_times(tmp_path):
     seconds = [0.0, 0.1, 0.3, 0.35]
     data = io.BytesIO()
     with av.open(data, "w", format="apng") as container:
@@ -229,7 +237,7 @@ def test_gif_and_apng_keep_their_own_times(tmp_path):
         stream.width, stream.height, stream.pix_fmt = 160, 96, "rgb24"
         stream.codec_context.time_base = Fraction(1, 100)
         for number, second in enumerate(seconds):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(numbered_image(number), format="bgr24")
             frame.pts, frame.time_base = round(100 * second), Fraction(1, 100)
             container.mux(stream.encode(frame.reformat(format="rgb24")))
         container.mux(stream.encode())
@@ -237,4 +245,4 @@ def test_gif_and_apng_keep_their_own_times(tmp_path):
     with open_source(tmp_path / "clip.png") as source:
         frames = list(source)
     assert [frame.time for frame in frames] == pytest.approx(seconds, abs=0.011)
-    assert np.array_equal(frames[2].image, picture(2))
+    assert np.array_equal(frames[2].image, numbered_image(2))

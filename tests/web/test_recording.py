@@ -252,7 +252,7 @@ def test_recorded_pixels_are_shown_as_the_source_shows_them(recordings):
     while recordings.listing()[-1]["open"]:
         time.sleep(0.01)
     with open_source(recordings.path(name, "video.mp4")) as frames:
-        assert frames.facts.pixel_aspect == Fraction(16, 15)
+        assert frames.info.pixel_aspect == Fraction(16, 15)
 
 
 def test_an_export_that_fails_keeps_no_other_from_being_written(recordings, monkeypatch):

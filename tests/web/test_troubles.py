@@ -15,7 +15,7 @@ from helpers.live_clients import Client, step_until
 from helpers.live_server import SECONDS, SIZE, EndlessFeed, until
 from ssiam.errors import IncompleteError, SourceError
 from ssiam.video import Frame
-from ssiam.video.frames import SourceFacts
+from ssiam.video.frames import SourceInfo
 from ssiam.web import commands
 from ssiam.web.errors import CommandError
 from ssiam.web.feeds.feed import open_feed
@@ -165,7 +165,7 @@ class Broken:
     """A source that breaks with an error of its reader's own, in front of its second frame."""
 
     name, size_wh, fps, length = "broken", SIZE, Fraction(20), None
-    facts = SourceFacts()
+    info = SourceInfo()
 
     def __iter__(self):
         yield Frame(0, None, np.zeros((SIZE[1], SIZE[0], 3), np.uint8))

@@ -1,49 +1,60 @@
-"""`ssiam bench`: many trackers over many sequences."""
+"""`ssiam bench`: run several trackers over several sequences."""
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
+import numpy as np
 from cyclopts import Group, Parameter
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
 
-from ssiam.cli.arguments import check_results_folder, shakes, weights_by_tracker, words
-from ssiam.cli.scoreboard import Scoreboard
-from ssiam.datasets import ShakeBorder, open_dataset
-from ssiam.errors import ArgumentError, check_choice
-from ssiam.evaluation.bench import run_all, tasks
+from ssiam.cli.options import check_results_folder, parse_shakes, parse_weights, split_words
+from ssiam.datasets import Shake, ShakeBorder, open_dataset
+from ssiam.errors import ArgumentError, IncompleteError, check_choice
+from ssiam.evaluation.bench import Done, Task, run_all, tasks
 from ssiam.evaluation.entries import entries
 from ssiam.evaluation.presets import PRESETS, preset
 from ssiam.evaluation.protocols import ProtocolName
 from ssiam.stabilize import METHODS
 
-_WHAT = Group("What is run", sort_key=1)
-_SHAKEN = Group("How it is shaken", sort_key=2)
-_HOW = Group("How it is run", sort_key=3)
+_RUNS_GROUP = Group("Runs", sort_key=1)
+_SHAKE_GROUP = Group("Added camera shake", sort_key=2)
+_EXECUTION_GROUP = Group("Execution", sort_key=3)
+
+_FILE_WIDTH = 120  # characters of the table if it does not go to a terminal
+
+_RowKey: TypeAlias = tuple[str, float]
+"""Label of the tracker and strength of the shake."""
 
 
 def bench(
     *dataset: Path,
-    out: Annotated[Path, Parameter(group=_WHAT)],
-    trackers: Annotated[str | None, Parameter(group=_WHAT)] = None,
-    stabilize: Annotated[str, Parameter(group=_WHAT)] = "off,paper,predict",
-    weights: Annotated[list[str] | None, Parameter(group=_WHAT, negative=())] = None,
-    protocol: Annotated[ProtocolName, Parameter(group=_WHAT)] = "vot",
-    preset_name: Annotated[str | None, Parameter(name="--preset", group=_WHAT)] = None,
-    shake: Annotated[str, Parameter(group=_SHAKEN)] = "0",
-    shake_kind: Annotated[str, Parameter(group=_SHAKEN)] = "white",
-    shake_seeds: Annotated[int, Parameter(group=_SHAKEN)] = 1,
-    shake_exposure: Annotated[float, Parameter(group=_SHAKEN)] = 0.0,
-    shake_readout: Annotated[float, Parameter(group=_SHAKEN)] = 0.0,
-    shake_border: Annotated[ShakeBorder, Parameter(group=_SHAKEN)] = "reflect",
-    jobs: Annotated[int, Parameter(group=_HOW)] = 1,
-    threads: Annotated[int, Parameter(group=_HOW)] = 1,
-    cluster: Annotated[str | None, Parameter(group=_HOW)] = None,
+    out: Annotated[Path, Parameter(group=_RUNS_GROUP)],
+    trackers: Annotated[str | None, Parameter(group=_RUNS_GROUP)] = None,
+    stabilize: Annotated[str, Parameter(group=_RUNS_GROUP)] = "off,paper,predict",
+    weights: Annotated[list[str] | None, Parameter(group=_RUNS_GROUP, negative=())] = None,
+    protocol: Annotated[ProtocolName, Parameter(group=_RUNS_GROUP)] = "vot",
+    preset_name: Annotated[str | None, Parameter(name="--preset", group=_RUNS_GROUP)] = None,
+    shake: Annotated[str, Parameter(group=_SHAKE_GROUP)] = "0",
+    shake_kind: Annotated[str, Parameter(group=_SHAKE_GROUP)] = "white",
+    shake_seeds: Annotated[int, Parameter(group=_SHAKE_GROUP)] = 1,
+    shake_exposure: Annotated[float, Parameter(group=_SHAKE_GROUP)] = 0.0,
+    shake_readout: Annotated[float, Parameter(group=_SHAKE_GROUP)] = 0.0,
+    shake_border: Annotated[ShakeBorder, Parameter(group=_SHAKE_GROUP)] = "reflect",
+    jobs: Annotated[int, Parameter(group=_EXECUTION_GROUP)] = 1,
+    threads: Annotated[int, Parameter(group=_EXECUTION_GROUP)] = 1,
+    cluster: Annotated[str | None, Parameter(group=_EXECUTION_GROUP)] = None,
 ) -> None:
-    """Run trackers over datasets, each with and without steadying.
+    """Run trackers over datasets, each with and without stabilization.
 
-    A run that is done is never done again: start the same command after an interruption, and it
-    goes on where it stopped.
+    Finished runs are not repeated: after an interruption, start the same command again to
+    continue.
 
     Parameters
     ----------
@@ -53,35 +64,35 @@ def bench(
     out
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
-        Names, separated by commas; with --preset those that are at hand unless given.
+        Comma-separated names; with --preset, by default those whose weights are available.
     stabilize
-        Ways of steadying, separated by commas: off, paper, literal, predict.
+        Comma-separated stabilization methods: off, paper, literal, predict.
     weights
-        NAME=PATH of a tracker's networks. Give it again for each further tracker.
+        NAME=PATH of a tracker's networks. Repeat for further trackers.
     protocol
-        vot starts again five frames after a failure, ope never does, realtime is vot with frames
-        dropped by the clock (20 a second).
+        vot restarts five frames after a failure, ope never restarts, realtime is vot with frames
+        dropped according to the clock (20 per second).
     preset_name
         The runs behind a table of the paper: table1, table2, table3 or table4.
     shake
-        Strengths of a shake that is added to the footage, separated by commas: shares of the
-        picture's width, such as 0,0.01,0.03; 0 is the footage as it is. Shaken results lie in
+        Comma-separated strengths of a shake added to the footage, as shares of the image width,
+        such as 0,0.01,0.03; 0 is the unmodified footage. Results are written to
         OUT/shake-KIND-STRENGTH-seedN/, with a shake.json that ssiam eval reads.
     shake_kind
-        Kinds of shake, separated by commas: white, handheld, vibration, gusts, roll, zoom.
+        Comma-separated kinds of shake: white, handheld, vibration, gusts, roll, zoom.
     shake_seeds
-        Paths of each kind and strength, with the seeds 0, 1, ...
+        Number of camera paths per kind and strength, with seeds 0, 1, ...
     shake_exposure
         Motion blur: share of the frame interval, 0 to 1, during which the shutter is open.
     shake_readout
         Rolling shutter: share of the frame interval, 0 to 1, from the first row to the last.
     shake_border
-        What is seen beyond the picture: reflect shows its mirror image; crop shows a smaller
-        window of the picture, which never leaves it.
+        Content beyond the image edges: reflect mirrors the image; crop uses a smaller part of the
+        image, which stays inside.
     jobs
-        Runs at a time, each in a process of its own.
+        Number of parallel runs, each in its own process.
     threads
-        CPU threads of each run.
+        CPU threads per run.
     cluster
         Address of a Dask scheduler to run on, such as tcp://10.0.0.1:8786.
     """
@@ -89,10 +100,12 @@ def bench(
         raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be at least 1")
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
-    paths = weights_by_tracker(weights or [])
+    paths = parse_weights(weights or [])
     check_results_folder(out, dataset, paths.values())
-    shaken_by = shakes(shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border)
-    names = None if trackers is None else words(trackers)
+    shakes = parse_shakes(
+        shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border
+    )
+    names = None if trackers is None else split_words(trackers)
     if preset_name is not None:
         opened = [open_dataset(path).name for path in dataset]
         chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, opened)
@@ -100,14 +113,119 @@ def bench(
         for line in chosen.missing:
             print(f"missing: {line}")
     else:
-        methods = [check_choice("stabilize", word, METHODS) for word in words(stabilize)]
+        methods = [check_choice("stabilize", word, METHODS) for word in split_words(stabilize)]
         competitors = entries(names or ["csrt"], methods, paths)
-    todo = [
+    planned = [
         task
         for path in dataset
-        for task in tasks(competitors, open_dataset(path), path, out, protocol, threads, shaken_by)
+        for task in tasks(competitors, open_dataset(path), path, out, protocol, threads, shakes)
     ]
-    with Scoreboard(todo) as board:
-        for done in run_all(todo, jobs, cluster):
+    with _Scoreboard(planned) as board:
+        for done in run_all(planned, jobs, cluster):
             board.add(done)
-    board.show(out)
+    board.print(out)
+
+
+class _Scoreboard:
+    """A table with one row per tracker and strength of shake, live on standard error."""
+
+    def __init__(self, planned: Sequence[Task]) -> None:
+        self._total = Counter(_row_key(task.entry.label, task.shake) for task in planned)
+        self._done: dict[_RowKey, list[Done]] = {key: [] for key in self._total}
+        self._has_shake = any(task.shake is not None for task in planned)
+        console = Console(file=sys.stderr)
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._is_live = console.is_terminal
+
+    def __enter__(self) -> _Scoreboard:
+        if self._is_live:
+            self._live.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._is_live:
+            self._live.stop()
+
+    def add(self, done: Done) -> None:
+        """Count a finished run."""
+        self._done[_row_key(done.label, done.shake)].append(done)
+        if self._is_live:
+            self._live.update(self._table(), refresh=True)
+
+    def print(self, out: Path) -> None:
+        """Print the table, and the failed runs with their reasons.
+
+        Raises
+        ------
+        IncompleteError
+            Some runs failed; the message names the first one.
+        """
+        width = None if sys.stdout.isatty() else _FILE_WIDTH
+        Console(width=width).print(self._table())
+        failed = [done for runs in self._done.values() for done in runs if done.failed]
+        for done in failed:
+            print(f"no result: {_failure_line(done)}")
+        print(f"results: {out}")
+        if failed:
+            raise IncompleteError(
+                f"{len(failed)} of {sum(self._total.values())} runs have no result; start the "
+                f"command again to retry them; the first: {_failure_line(failed[0])}"
+            )
+
+    def _table(self) -> Table:
+        return self._table_with_shake() if self._has_shake else self._table_without_shake()
+
+    def _table_without_shake(self) -> Table:
+        table = Table("tracker", "sequences", "lost", "overlap", "frames per second")
+        for (label, strength), runs in self._done.items():
+            found = _Totals(runs)
+            table.add_row(
+                label,
+                f"{found.runs} of {self._total[label, strength]}",
+                str(found.lost),
+                found.overlap,
+                f"{1 / found.seconds:.0f}" if found.seconds else "",
+            )
+        return table
+
+    def _table_with_shake(self) -> Table:
+        headings = ("shake", "runs", "frames", "lost", "overlap", "ms per frame")
+        table = Table("tracker", *headings)
+        for (label, strength), runs in self._done.items():
+            found = _Totals(runs)
+            table.add_row(
+                label,
+                f"{100 * strength:g} %",
+                f"{found.runs} of {self._total[label, strength]}",
+                str(found.frames),
+                str(found.lost),
+                found.overlap,
+                f"{1000 * found.seconds:.1f}" if found.seconds else "",
+            )
+        return table
+
+
+class _Totals:
+    """Totals over the runs of a row, without the failed ones."""
+
+    def __init__(self, done: Sequence[Done]) -> None:
+        good = [run for run in done if not run.failed]
+        timed = [run for run in good if run.seconds]
+        overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
+        tracked = sum(run.frames for run in timed)
+        self.runs = len(good)
+        self.frames = sum(run.frames for run in good)
+        self.lost = sum(run.lost for run in good)
+        self.overlap = f"{np.mean(overlaps):.3f}" if overlaps else ""
+        # Seconds per frame; 0 if no run was timed.
+        self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
+
+
+def _failure_line(done: Done) -> str:
+    """A failed run and the reason."""
+    shake = f", shake {done.shake.label}" if done.shake is not None else ""
+    return f"{done.label} on {done.sequence}{shake}: {done.failed}"
+
+
+def _row_key(label: str, shake: Shake | None) -> _RowKey:
+    return label, shake.strength if shake else 0.0

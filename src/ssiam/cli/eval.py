@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
-from ssiam.datasets import Sequence as Truth
+from ssiam.datasets import Sequence as VideoSequence
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
 from ssiam.evaluation.eao import interval_of
@@ -31,7 +31,7 @@ from ssiam.evaluation.tracked import read_results
 
 Measured = TypeVar("Measured")
 
-# Width of the tables where they do not go to a terminal, characters.
+# Width of the tables if they do not go to a terminal, characters.
 _FILE_WIDTH = 120
 
 
@@ -45,27 +45,28 @@ def evaluate(
     compare: Annotated[bool, Parameter(negative=())] = False,
     json_output: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> None:
-    """Accuracy, robustness and EAO of raw VOT results, or success of one-pass results.
+    """Measure raw results: A, R and EAO of VOT, or success of one-pass runs.
 
-    A, R and EAO are printed twice, for the numbers differ: as pysot-toolkit computes them, whose
-    robustness is lost targets per 100 frames and stands in most papers' tables, and as the
-    official vot-toolkit 0.7.4 does, whose robustness is lost targets per sequence.
+    A, R and EAO are printed in two versions, whose numbers differ: as computed by pysot-toolkit,
+    with robustness as lost targets per 100 frames, which most papers report, and as computed by
+    the official vot-toolkit 0.7.4, with robustness as lost targets per sequence.
 
     Parameters
     ----------
     results
-        Folder of a tracker, which holds baseline/SEQUENCE/SEQUENCE_001.txt, or a folder of such
-        folders. Where it holds a shake.json of ssiam bench, the truth is shaken as that says.
+        Folder of a tracker, with files baseline/SEQUENCE/SEQUENCE_001.txt, or a folder of such
+        folders. If it holds a shake.json of ssiam bench, the same shake is applied to the ground
+        truth.
     dataset
-        The dataset: a folder, or pysot's .json file; images are not needed, but the first of each
-        sequence where the results were shaken and the dataset does not tell the frames' size.
+        The dataset: a folder, or pysot's .json file. Images are not needed, except for the first
+        of each sequence if the results are shaken and the dataset does not give the frame size.
     year
-        Year of VOT whose lengths of sequences EAO is taken over; by default the one in the
+        Year of VOT that sets the range of sequence lengths for EAO; by default the one in the
         dataset's name.
     experiment
-        Which runs: baseline or realtime (supervised, as in VOT), or ope: one pass, with the
-        measures of OTB, LaSOT and GOT-10k. One-pass results are SEQUENCE.txt (1-based boxes),
-        or lie as GOT-10k's and VOT's do.
+        Kind of runs: baseline or realtime (supervised, as in VOT), or ope (one pass), with the
+        measures of OTB, LaSOT and GOT-10k. One-pass results are files SEQUENCE.txt (1-based
+        boxes), or use the layout of GOT-10k or VOT.
     compare
         Compare each of several trackers with the first, sequence by sequence.
     json_output
@@ -73,31 +74,31 @@ def evaluate(
     """
     if not results.is_dir():
         raise ResultsError(f"{results}: there is no such folder; give a tracker's results")
-    opened = shaken_as(results, open_dataset(dataset))
+    truth = shaken_as(results, open_dataset(dataset))
     if experiment == "ope":
         if compare:
-            raise ArgumentError("--compare is for supervised runs; leave it out with ope")
-        _one_pass(results, list(opened.sequences.values()), json_output)
+            raise ArgumentError("--compare is for supervised runs; omit it with ope")
+        _one_pass(results, list(truth.sequences.values()), json_output)
         return
     folders = _trackers(results, experiment)
-    interval = interval_of(opened.name, year)
+    interval = interval_of(truth.name, year)
     if compare and len(folders) == 1:
         raise ArgumentError(f"{results}: --compare needs the results of several trackers")
-    sequences = list(opened.sequences.values())
-    reports, left_out = _each(
+    sequences = list(truth.sequences.values())
+    reports, omitted = _measure_all(
         folders, lambda folder: report(read_results(folder, sequences, experiment), interval)
     )
     for each in reports:
-        _complain(each.notes)
+        _warn(each.notes)
     comparisons = compared(reports) if compare and len(reports) > 1 else []
     if json_output:
         print(json.dumps(_document(reports, comparisons, len(folders) == 1), allow_nan=False))
     else:
-        _show(reports, comparisons)
-    _check_whole(left_out, len(folders))
+        _print_tables(reports, comparisons)
+    _check_complete(omitted, len(folders))
 
 
-def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> None:
+def _one_pass(results: Path, sequences: Sequence[VideoSequence], json_output: bool) -> None:
     inside = sorted(path for path in results.iterdir() if path.is_dir() and holds_one_pass(path))
     direct = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
         (results / each.name).is_dir() for each in sequences
@@ -106,45 +107,45 @@ def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> N
     folders = [results] if alone else inside
     if not folders:
         raise ResultsError(f"{results}: neither it nor a folder in it holds one-pass results")
-    reports, left_out = _each(folders, lambda folder: one_pass(folder, sequences))
+    reports, omitted = _measure_all(folders, lambda folder: one_pass(folder, sequences))
     for each in reports:
-        _complain(each.notes)
+        _warn(each.notes)
     if json_output:
         found = {each.name: each.as_dict() for each in reports}
         print(json.dumps(reports[0].as_dict() if alone else {"trackers": found}))
     else:
         _console().print(one_pass_table(reports))
-    _check_whole(left_out, len(folders))
+    _check_complete(omitted, len(folders))
 
 
-def _each(
+def _measure_all(
     folders: Sequence[Path], measure: Callable[[Path], Measured]
 ) -> tuple[list[Measured], list[str]]:
-    """What is measured of each tracker's folder, and a line for each that cannot be.
+    """The measurements of each tracker's folder, and one line for each that failed.
 
     Raises
     ------
     SsiamError
-        None of them can be.
+        All of them failed.
     """
-    measured, left_out = [], []
+    measured, omitted = [], []
     for folder in folders:
         try:
             measured.append(measure(folder))
         except SsiamError as error:
             if len(folders) == 1:
                 raise
-            left_out.append(one_line(error))
+            omitted.append(one_line(error))
     if not measured:
-        raise ResultsError(left_out[0])
-    return measured, left_out
+        raise ResultsError(omitted[0])
+    return measured, omitted
 
 
-def _check_whole(left_out: Sequence[str], trackers: int) -> None:
-    """Raise `IncompleteError` if trackers had to be left out."""
-    _complain([f"{reason}; the tracker is left out" for reason in left_out])
-    if left_out:
-        raise IncompleteError(f"{len(left_out)} of {trackers} trackers could not be measured")
+def _check_complete(omitted: Sequence[str], trackers: int) -> None:
+    """Raise `IncompleteError` if trackers were omitted."""
+    _warn([f"{reason}; the tracker is omitted" for reason in omitted])
+    if omitted:
+        raise IncompleteError(f"{len(omitted)} of {trackers} trackers could not be measured")
 
 
 def _console() -> Console:
@@ -152,7 +153,7 @@ def _console() -> Console:
 
 
 def _trackers(results: Path, experiment: str) -> list[Path]:
-    """The folders of trackers: the one that is given, or those in it, by name."""
+    """The folders of trackers: the given one, or those in it, sorted by name."""
     if (results / experiment).is_dir():
         return [results]
     found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())
@@ -163,7 +164,7 @@ def _trackers(results: Path, experiment: str) -> list[Path]:
     return found
 
 
-def _complain(notes: Sequence[str]) -> None:
+def _warn(notes: Sequence[str]) -> None:
     for note in notes:
         print(f"ssiam: {' '.join(note.split())}", file=sys.stderr)
 
@@ -179,7 +180,7 @@ def _document(
     return document
 
 
-def _show(reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]) -> None:
+def _print_tables(reports: Sequence[TrackerReport], comparisons: Sequence[Comparison]) -> None:
     console = _console()
     console.print(scores_table(reports))
     if any(each.by_tag for each in reports):

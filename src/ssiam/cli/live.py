@@ -1,4 +1,4 @@
-"""`ssiam live`: a page in the browser on which targets are drawn and followed."""
+"""`ssiam live`: a browser page on which targets are drawn and tracked."""
 
 from __future__ import annotations
 
@@ -12,92 +12,93 @@ from typing import Annotated, Final, Literal
 
 from cyclopts import Group, Parameter
 
-from ssiam.cli.arguments import levels as parsed_levels
-from ssiam.cli.arguments import report_left_parts
-from ssiam.cli.choice import RUNNING, STEADYING, TrackerChoice
+from ssiam.cli.options import (
+    DEFAULT_STABILIZATION,
+    DEFAULT_TRACKER_OPTIONS,
+    RUNTIME_GROUP,
+    StabilizationOptions,
+    TrackerOptions,
+    parse_levels,
+    report_left_parts,
+)
 from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, left_parts
-from ssiam.stabilize import StabilizerConfig
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 from ssiam.web import Health, Note, Session
 from ssiam.web.recording import left_behind
 
-_CHOICE = TrackerChoice()
-_STEADY = StabilizerConfig()
-
 STUCK: Final = 3
-"""Exit code where tracking did not come to an end."""
+"""Exit code if tracking does not stop."""
 
-_PAGE = Group("Page", sort_key=2)
-_MACHINES = Group("Other programs", sort_key=3)
+_PAGE_GROUP = Group("Page", sort_key=2)
+_INTERFACES_GROUP = Group("Interfaces", sort_key=3)
 
 
 def live(
     source: Annotated[str, Parameter(allow_leading_hyphen=True)],
     /,
     *,
-    host: Annotated[str, Parameter(group=_PAGE)] = "127.0.0.1",
-    port: Annotated[int, Parameter(group=_PAGE)] = 8765,
-    token: Annotated[bool, Parameter(group=_PAGE, negative=())] = False,
-    pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE)] = "clock",
-    recordings: Annotated[Path | None, Parameter(group=_PAGE)] = None,
-    stream: Annotated[int | None, Parameter(group=RUNNING)] = None,
-    levels: Annotated[str | None, Parameter(group=RUNNING, allow_leading_hyphen=True)] = None,
-    mavlink: Annotated[str | None, Parameter(group=_MACHINES)] = None,
-    rerun: Annotated[Path | None, Parameter(group=_MACHINES)] = None,
-    overwrite: Annotated[bool, Parameter(group=_MACHINES, negative=())] = False,
-    choice: TrackerChoice = _CHOICE,
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
+    host: Annotated[str, Parameter(group=_PAGE_GROUP)] = "127.0.0.1",
+    port: Annotated[int, Parameter(group=_PAGE_GROUP)] = 8765,
+    token: Annotated[bool, Parameter(group=_PAGE_GROUP, negative=())] = False,
+    pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE_GROUP)] = "clock",
+    recordings: Annotated[Path | None, Parameter(group=_PAGE_GROUP)] = None,
+    stream: Annotated[int | None, Parameter(group=RUNTIME_GROUP)] = None,
+    levels: Annotated[str | None, Parameter(group=RUNTIME_GROUP, allow_leading_hyphen=True)] = None,
+    mavlink: Annotated[str | None, Parameter(group=_INTERFACES_GROUP)] = None,
+    rerun: Annotated[Path | None, Parameter(group=_INTERFACES_GROUP)] = None,
+    overwrite: Annotated[bool, Parameter(group=_INTERFACES_GROUP, negative=())] = False,
+    tracker_options: TrackerOptions = DEFAULT_TRACKER_OPTIONS,
+    config: StabilizationOptions = DEFAULT_STABILIZATION,
 ) -> None:
-    """Show a source in the browser; targets are drawn with the mouse and followed.
+    """Show a source in the browser; draw targets with the mouse to track them.
 
-    Only this machine can open the page, unless --host says otherwise; then the address that is
-    printed holds a token, without which nothing is shown.
+    Only this machine can open the page, unless --host is given; then the printed address contains
+    a token that is required to open the page.
 
     Parameters
     ----------
     source
-        Camera number, rtsp:// or http:// address, video file, folder of images, - for standard
-        input, or browser: the camera of whoever opens the page.
+        Camera index, rtsp:// or http:// address, video file, folder of images, - for standard
+        input, or browser: the camera of the browser that opens the page.
     host
-        Address to listen on; 0.0.0.0 is all of this machine's.
+        Address to listen on; 0.0.0.0 for all addresses of this machine.
     port
-        To listen on; 0 takes a free one.
+        Port to listen on; 0 selects a free one.
     token
-        Ask for a token on this machine too.
+        Require a token on this machine too.
     pace
-        Of a file: by its clock, or as fast as it can be tracked.
+        Pace of a file: clock for its own frame times, fast for the speed of the tracker.
     recordings
-        Folder that keeps what is recorded; without it recordings are gone at the end.
+        Folder for recordings; without this option they are deleted at the end.
     stream
-        Which video stream of a source with several, from 0; unless given, the one with the most
-        pixels.
+        Index of the video stream, from 0; by default the one with the most pixels.
     levels
-        Values to be shown as black and white, of sources with more than 8 bits a value, such as
-        thermal cameras: 7000,8500. Unless given, the first frame tells.
+        Values shown as black and white, for sources with more than 8 bits per value, such as
+        thermal cameras: 7000,8500. By default estimated from the first frame.
     mavlink
-        Be a camera that tracks for a ground station: udpout:127.0.0.1:14550, or what else MAVLink
-        can connect to.
+        Serve a ground station as a tracking camera: udpout:127.0.0.1:14550, or another MAVLink
+        connection.
     rerun
-        File to log everything to for the Rerun viewer: .rrd.
+        Log everything to this file for the Rerun viewer: .rrd.
     overwrite
-        Replace the file of --rerun if it exists; without it one is refused.
+        Replace an existing file of --rerun; without this option it is refused.
     """
     from ssiam.web.server.serving import LiveServer
 
-    _check_outputs(source, choice.weight_files(), recordings, rerun, overwrite=overwrite)
-    tracker = choice.load(config)
+    _check_outputs(source, tracker_options.weight_files(), recordings, rerun, overwrite=overwrite)
+    tracker = tracker_options.load(config)
     with ExitStack() as stack:
         session = Session.open(
             source,
             tracker,
-            name=choice.tracker,
+            name=tracker_options.tracker,
             pace=pace,
             recordings=recordings,
             stream=stream,
-            levels=parsed_levels(levels),
+            levels=parse_levels(levels),
         )
-        stack.push(partial(_leave, session))
+        stack.push(partial(_exit_if_stuck, session))
         stack.callback(session.close)
         session.notes(_show)
         session.healths(_show)
@@ -128,25 +129,25 @@ def _check_outputs(
     *,
     overwrite: bool,
 ) -> None:
-    """Refuse outputs that are inputs, and a file of --rerun that is not to be replaced."""
+    """Refuse outputs that are inputs, and an existing file of --rerun without --overwrite."""
     options = (("--recordings", recordings), ("--rerun", rerun))
     outputs = [(option, path) for option, path in options if path is not None]
-    check_apart_from_source(outputs, source, weights)
+    check_distinct_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
         report_left_parts(left_parts(rerun))
 
 
-def _leave(
+def _exit_if_stuck(
     session: Session,
     kind: type[BaseException] | None,
     error: BaseException | None,
     trace: TracebackType | None,
 ) -> None:
-    """End the process at once if a closed session's thread is stuck: nothing else would end it."""
+    """Exit the process at once if the thread of a closed session is stuck, which would block it."""
     if not session.stuck:
         return
-    print(f"ssiam: {session.health.message or 'tracking did not end'}", file=sys.stderr)
+    print(f"ssiam: {session.health.message or 'tracking did not stop'}", file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     code = error.code if isinstance(error, SystemExit) else None

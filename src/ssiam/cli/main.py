@@ -1,4 +1,4 @@
-"""`ssiam`: reads the command line, and turns every error into one line and an exit code."""
+"""`ssiam`: runs a command; every error becomes one line and an exit code."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from cyclopts import App, CycloptsError, Group
 
 from ssiam.errors import IncompleteError, SsiamError, StreamError
 
-DONE, USAGE_ERROR, BROKE_OFF = 0, 2, 3
+SUCCESS, USAGE_ERROR, INCOMPLETE = 0, 2, 3
 INTERRUPTED = 128 + signal.SIGINT
 
 app = App(
     name="ssiam",
-    help="Keep hold of a chosen object in video from a shaking, moving camera.",
+    help="Track a chosen object in video from a shaking, moving camera.",
     help_format="markdown",
-    help_epilogue="Exit codes: 0 done; 2 wrong usage or input; 3 the stream broke off, frames of "
-    "it cannot be decoded, or something else is missing (what was done is kept).",
+    help_epilogue="Exit codes: 0 success; 2 wrong usage or input; 3 incomplete: the stream broke "
+    "off, frames could not be decoded, or a part of the work failed (finished work is kept).",
     print_error=False,
     exit_on_error=False,
     suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
 _COMMANDS = {
-    "Follow targets": ("track:track", "live:live", "export:export"),
-    "Measure trackers": (
+    "Track targets": ("track:track", "live:live", "export:export"),
+    "Evaluate trackers": (
         "bench:bench",
         "eval:evaluate",
         "tables:tables",
@@ -41,43 +41,43 @@ _COMMANDS = {
 }
 _OPTIONS = Group("Options", sort_key=len(_COMMANDS))
 app["--help"].group = app["--version"].group = _OPTIONS
-for place, (title, functions) in enumerate(_COMMANDS.items()):
-    group = Group(title, sort_key=place)
+for position, (title, functions) in enumerate(_COMMANDS.items()):
+    group = Group(title, sort_key=position)
     for order, function in enumerate(functions):
         name = function.partition(":")[0].replace("_", "-")
         app.command(f"ssiam.cli.{function}", name=name, group=group, sort_key=order)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit code."""
+    """Run one command; return its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
-    # Of a terminal that is closed; nohup has it ignored, and that stays so.
+    # Sent when the terminal is closed; nohup ignores it, which is kept.
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminate)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0].startswith("-"):
-        app.resolved_commands()  # the overview shows a line of each command's own help
+        app.resolved_commands()  # the overview shows the first line of each command's help
     try:
         app(words)
     except CycloptsError as error:
-        return _complain(f"{error} See ssiam --help.", USAGE_ERROR)
+        return _fail(f"{error} See ssiam --help.", USAGE_ERROR)
     except (StreamError, IncompleteError) as error:
-        return _complain(str(error), BROKE_OFF)
+        return _fail(str(error), INCOMPLETE)
     except SsiamError as error:
-        return _complain(str(error), USAGE_ERROR)
+        return _fail(str(error), USAGE_ERROR)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # whoever read the output has left
+    except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
-    return DONE
+        return SUCCESS
+    return SUCCESS
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """Leave by the front door, so that outputs are closed."""
+    """Exit through `SystemExit`, so that outputs are closed."""
     raise SystemExit(128 + number)
 
 
-def _complain(message: str, code: int) -> int:
+def _fail(message: str, code: int) -> int:
     print(f"ssiam: {' '.join(message.split())}", file=sys.stderr)
     return code

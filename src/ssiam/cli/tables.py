@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 from cyclopts import Parameter
 
-from ssiam.cli.arguments import check_results_folder
+from ssiam.cli.options import check_results_folder
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.canvas import check_matplotlib
@@ -21,16 +21,16 @@ from ssiam.evaluation.shaken_results import shaken_as
 from ssiam.evaluation.summaries import Summaries
 from ssiam.evaluation.table_page import PAGE, Section, markdown_table, write_page
 from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
-from ssiam.video.folders import image_paths
+from ssiam.video.images import image_paths
 
 _YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
 _EXPLANATION: Final = (
-    "A: mean overlap while tracked, ten frames after each start left out. R: lost targets per "
-    "100 frames. EAO: expected average overlap. All three as pysot-toolkit computes them. lost: "
-    "targets lost, the tracker restarted five frames after each. overlap: mean intersection over "
-    "union of the tracked frames, the mean of the sequences. success: area under the success "
-    "curve of one-pass runs. fps: frames a second without reading the images. steadied: off is "
-    "the tracker alone. An empty cell is a number that is not there."
+    "A: mean overlap while tracked, without ten frames after each start. R: lost targets per "
+    "100 frames. EAO: expected average overlap. All three as computed by pysot-toolkit. lost: "
+    "lost targets, with a restart five frames after each. overlap: mean intersection over union "
+    "of the tracked frames, averaged over sequences. success: area under the success curve of "
+    "one-pass runs. fps: frames per second without reading the images. stabilized: off is the "
+    "tracker alone. An empty cell means that the number is not available."
 )
 
 
@@ -42,42 +42,44 @@ def tables(
     out: Path | None = None,
     figures: bool = True,
 ) -> None:
-    """Tables 1 to 4 and figures 3, 4 and 6 of the paper, from the results of ssiam bench.
+    """Make tables 1 to 4 and figures 3, 4 and 6 of the paper from results of ssiam bench.
 
-    Prints the tables, and writes tables.md, tables.html (one page that needs nothing else) and
-    the figures. What is missing is named, and what is there is shown.
+    Prints the tables, and writes tables.md, tables.html (a self-contained page) and the figures.
+    Missing results are listed, available ones are used.
 
     Parameters
     ----------
     results
         Folder of the results: --out of ssiam bench, or one of the shake-... folders in it.
     dataset
-        The dataset that was run, a folder or pysot's .json file. Give it again for each further
-        one. On a year of VOT A, R and EAO are told, elsewhere lost targets and overlaps.
+        The dataset of the results, a folder or pysot's .json file. Repeat for further datasets.
+        A, R and EAO are reported for VOT's datasets, lost targets and overlaps for others.
     out
-        Folder to write to; by default the folder tables in that of the results.
+        Folder to write to; by default tables in the folder of the results.
     figures
-        Draw the figures, which needs matplotlib and, for two of them, the frames of the dataset.
+        Draw the figures; needs matplotlib and, for two of them, the frames of the dataset.
     """
     folder = out or results / "tables"
     check_results_folder(folder, dataset)
     if figures:
         check_matplotlib()
     opened = [shaken_as(results, open_dataset(path)) for path in dataset]
-    _check_no_frames(folder, dataset)
+    _check_not_frames(folder, dataset)
     found = [summarize(results, each) for each in opened]
     if not any(each.entries for each in found):
         names = ", ".join(each.dataset for each in found)
-        raise ResultsError(f"{results}: holds no results of {names}; give the dataset that was run")
+        raise ResultsError(
+            f"{results}: holds no results of {names}; give the dataset of the results"
+        )
     sections = [_section(each, figures) for each in found]
     paper = published_table(set(_YEARS) - {each.year for each in found if each.entries})
     if paper.rows:
-        sections.append(Section("What the paper reports elsewhere", [paper]))
-    _show(sections, write_page(folder, sections, _EXPLANATION))
+        sections.append(Section("Other results of the paper", [paper]))
+    _print(sections, write_page(folder, sections, _EXPLANATION))
 
 
-def _check_no_frames(folder: Path, datasets: Sequence[Path]) -> None:
-    """Refuse a folder of a dataset's frames, among which the figures would be read."""
+def _check_not_frames(folder: Path, datasets: Sequence[Path]) -> None:
+    """Refuse a folder of dataset frames, where the figures would be read as frames."""
     inside = any(folder.resolve().is_relative_to(path.resolve()) for path in datasets)
     if inside and folder.is_dir() and not (folder / PAGE).exists() and image_paths(folder):
         raise ArgumentError(f"--out {folder} holds frames of the dataset; give another folder")
@@ -97,7 +99,7 @@ def _section(found: Summaries, with_figures: bool) -> Section:
     return Section(title, [each for each in made if each.rows], drawn, notes)
 
 
-def _show(sections: list[Section], paths: list[Path]) -> None:
+def _print(sections: list[Section], paths: list[Path]) -> None:
     for section in sections:
         for table in section.tables:
             print(markdown_table(table), end="\n\n")

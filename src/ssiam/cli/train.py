@@ -1,4 +1,4 @@
-"""`ssiam train`: train the small tracker's network from a config."""
+"""`ssiam train`: train the network of the lite tracker from a config file."""
 
 from __future__ import annotations
 
@@ -9,27 +9,25 @@ from ssiam.errors import MissingExtraError
 
 
 def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = None) -> None:
-    """Train the small tracker.
+    """Train the network of the lite tracker.
 
-    Start the same command after an interruption, and it goes on from its last checkpoint. At the
-    end the folder holds weights.pth and the .onnx files that the tracker runs.
+    After an interruption, start the same command again to continue from the last checkpoint. The
+    finished folder holds weights.pth and the .onnx files that the tracker runs.
 
     Parameters
     ----------
     config
-        TOML file; configs/lite.toml shows all there is. Paths in it start from the current
+        TOML file; configs/lite.toml shows all settings. Its paths are relative to the current
         folder.
     out
-        Folder of checkpoint, metrics and network; by default runs/NAME, after the config.
+        Folder for checkpoint, metrics and network; by default runs/NAME, with the config's name.
     so_far
-        Do not train: write what the run has learnt up to now to this folder, to try it.
+        Do not train, but write the network of the last checkpoint to this folder, to test it.
     """
     try:
         import ssiam.networks  # noqa: F401
     except MissingExtraError as error:
-        raise MissingExtraError(
-            "PyTorch is not installed, which training needs: pip install 'ssiam[train]'"
-        ) from error
+        raise MissingExtraError("training needs PyTorch: pip install 'ssiam[train]'") from error
     from ssiam.training.checkpoints import CHECKPOINT
     from ssiam.training.config import read_config
     from ssiam.training.finished import check_run_outputs, write_so_far
@@ -59,10 +57,10 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         if settings.network.kind == "lite2" and settings.teacher is not None:
             sampler = TaughtSampler(pairs, settings.teacher)
     batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
-    run(settings, batches, folder, _show)
+    run(settings, batches, folder, _print_metrics)
 
 
-def _show(step: int, values: dict[str, float]) -> None:
+def _print_metrics(step: int, values: dict[str, float]) -> None:
     print(
         f"{step}: " + ", ".join(f"{name} {value:.4g}" for name, value in values.items()), flush=True
     )

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
-from ssiam.cli.choice import STEADYING, TrackerChoice
+from ssiam.cli.options import (
+    DEFAULT_STABILIZATION,
+    DEFAULT_TRACKER_OPTIONS,
+    StabilizationOptions,
+    TrackerOptions,
+)
 from ssiam.evaluation.trax_channel import protocol_alone
 from ssiam.evaluation.trax_server import check_trax, serve
-from ssiam.stabilize import StabilizerConfig
-
-_CHOICE = TrackerChoice()
-_STEADY = StabilizerConfig()
 
 
 def trax(
     *,
-    choice: TrackerChoice = _CHOICE,
-    config: Annotated[StabilizerConfig, Parameter(name="*", group=STEADYING)] = _STEADY,
+    tracker_options: TrackerOptions = DEFAULT_TRACKER_OPTIONS,
+    config: StabilizationOptions = DEFAULT_STABILIZATION,
 ) -> None:
     """Serve a tracker to a TraX client, such as the official VOT toolkit.
 
-    It talks over standard input and output, and is started by the client, not by hand:
-    `ssiam vot-workspace` writes what the toolkit needs for that.
+    The client starts this command and communicates over standard input and output; it is not
+    meant to be started by hand. `ssiam vot-workspace` writes the configuration for the toolkit.
     """
     check_trax()
     with protocol_alone():
-        serve(choice.load(config))
+        serve(tracker_options.load(config))

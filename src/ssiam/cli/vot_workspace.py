@@ -1,4 +1,4 @@
-"""`ssiam vot-workspace`: make the official VOT toolkit run trackers of ours."""
+"""`ssiam vot-workspace`: configure the official VOT toolkit to run trackers of ssiam."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.arguments import weights_by_tracker, words
+from ssiam.cli.options import parse_weights, split_words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation.entries import Entry, entries
 from ssiam.evaluation.trax_server import check_trax
 from ssiam.evaluation.workspace import write_workspace
 from ssiam.stabilize import METHODS
 
-# The versions that work together; later ones fail on supervised experiments.
+# Versions that work together; later ones fail on supervised experiments.
 _TOOLKIT = "vot-toolkit==0.7.4 attributee==0.1.9"
 
 
@@ -31,40 +31,40 @@ def vot_workspace(
     sequences: Path | None = None,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
-    """Write a workspace in which the official VOT toolkit runs trackers of ours.
+    """Write a workspace in which the official VOT toolkit runs trackers of ssiam.
 
-    Each tracker is entered once for each way of steadying, and is run with this interpreter.
+    There is one entry per tracker and stabilization method, run with this Python interpreter.
 
     Parameters
     ----------
     folder
-        The workspace; made if it is not there.
+        The workspace; created if it does not exist.
     trackers
-        Trackers, separated by commas.
+        Comma-separated names of trackers.
     stabilize
-        Ways of steadying, separated by commas: off, paper, literal, predict.
+        Comma-separated stabilization methods: off, paper, literal, predict.
     weights
-        NAME=PATH, the networks of a tracker that has any; give it again for each of them.
+        NAME=PATH of a tracker's networks. Repeat for further trackers.
     stack
-        Experiments to run: a stack of the toolkit, such as vot2018/shortterm, or a file of
-        another; without it, one supervised run whose EAO interval fits the sequences.
+        Experiments to run: a stack of the toolkit, such as vot2018/shortterm, or a stack file; by
+        default one supervised experiment with an EAO interval that fits the sequences.
     sequences
-        Folder of sequences in VOT's layout, which stay where they are; without it, those in
-        FOLDER/sequences, or the toolkit fetches those of its stack.
+        Folder of sequences in VOT's layout, which is linked, not copied; by default
+        FOLDER/sequences, or the toolkit downloads those of its stack.
     force
-        Replace files that are there already.
+        Replace existing files.
     """
     check_trax()
-    competitors = _entries(words(trackers), words(stabilize), weights or [])
+    competitors = _entries(split_words(trackers), split_words(stabilize), weights or [])
     count = write_workspace(folder, competitors, stack=stack, sequences=sequences, force=force)
-    _tell(folder, [entry.label for entry in competitors], count)
+    _print_next_steps(folder, [entry.label for entry in competitors], count)
 
 
 def _entries(trackers: list[str], methods: list[str], pairs: list[str]) -> list[Entry]:
-    """The competitors, each of which could be loaded."""
-    weights = weights_by_tracker(pairs)
-    for given in weights.keys() - set(trackers):
-        raise ArgumentError(f"--weights {given}={weights[given]}: {given} is not in --trackers")
+    """The entries, after loading each one as a check."""
+    weights = parse_weights(pairs)
+    for name in weights.keys() - set(trackers):
+        raise ArgumentError(f"--weights {name}={weights[name]}: {name} is not in --trackers")
     chosen = [check_choice("stabilize", word, METHODS) for word in methods]
     competitors = entries(trackers, chosen, weights)
     for entry in competitors:
@@ -72,11 +72,11 @@ def _entries(trackers: list[str], methods: list[str], pairs: list[str]) -> list[
     return competitors
 
 
-def _tell(folder: Path, labels: Sequence[str], sequences: int) -> None:
-    """Print what to type next."""
-    count = str(sequences) if sequences else "to be fetched by the toolkit"
+def _print_next_steps(folder: Path, labels: Sequence[str], sequences: int) -> None:
+    """Print the next commands."""
+    count = str(sequences) if sequences else "to be downloaded by the toolkit"
     print(f"{folder}: trackers: {len(labels)}, sequences: {count}")
-    print(f"next, in an environment of its own with {_TOOLKIT}:")
+    print(f"next, in a separate environment with {_TOOLKIT}:")
     print(f"  cd {shlex.quote(str(folder))}")
     print(f"  vot evaluate {' '.join(labels)}")
     print(f"  vot analysis --name all {' '.join(labels)}")

@@ -1,4 +1,4 @@
-"""`ssiam weights`: what networks are here, where the rest comes from, and .pth to ONNX."""
+"""`ssiam weights`: list the networks, import authors' .pth files and export them to ONNX."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from typing import Annotated, Any, Final, Literal
 
 from cyclopts import App, Parameter
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError, check_choice
-from ssiam.outputs import NamedPath, check_apart
+from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.outputs import NamedPath, check_apart, output_error
 from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
 from ssiam.trackers import loading
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 
-_PIECES: Final = ("template", "search", "refine", "mask")  # of which a network has some
-_PICTURES: Final = 64  # that are read for calibration, at equal distances
+_PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
+_CALIBRATION_IMAGES: Final = 64  # read for calibration, evenly spaced
 
-weights = App(name="weights", help="The networks' weights: list, import and export them.")
+weights = App(name="weights", help="List, import and export the weights of the networks.")
 
 
 @weights.command(name="list")
 def show(*, folder: Path | None = None) -> None:
-    """List the trackers' weights: what is here, and where their authors publish them.
+    """List the trackers' weights: which are available, and where their authors publish them.
 
     Nothing is downloaded.
 
     Parameters
     ----------
     folder
-        Where to look. By default the folder of ssiam weights import, and ./weights.
+        Folder to search. By default the folder of ssiam weights import, and ./weights.
     """
-    print("lite: came with the package")
+    print("lite: included in the package")
     folders = loading.weight_folders() if folder is None else (folder,)
     for tracker, publication in PUBLISHED.items():
         found = [each / publication.local for each in folders]
-        local = next((_told(path) for path in found if path.is_dir()), "not here")
+        local = next((_description(path) for path in found if path.is_dir()), "not available")
         print(f"{tracker}: {local}")
         print(f"  published: {publication.file} at {publication.where}")
-        print(f"  size {publication.size}, licence {publication.licence}")
+        print(f"  size {publication.size}, license {publication.licence}")
 
 
 @weights.command(name="import")
@@ -54,25 +54,25 @@ def import_(
     tracker: str | None = None,
     folder: Path | None = None,
 ) -> None:
-    """Recognise an authors' .pth file, check it, and keep it where the trackers look for it.
+    """Import an authors' .pth file: identify it, check it, and store it for the trackers.
 
-    It is copied and exported to ONNX, so that every runtime takes it; PyTorch is needed for the
-    import alone.
+    The file is copied and exported to ONNX, which every runtime accepts; PyTorch is needed only
+    for the import.
 
     Parameters
     ----------
     file
-        The .pth file, or a folder that ssiam weights export has written.
+        The .pth file, or a folder written by ssiam weights export.
     tracker
-        Whose weights they are, where several trackers have the same network (siammask_...).
-        By default the tracker named as the network.
+        The tracker, if several have the same network (siammask_...). By default the tracker named
+        like the network.
     folder
-        Where they are kept. By default the folder weights in the user's cache folder.
+        Folder to store them in. By default weights in the user's cache folder.
     """
-    network = _recognised(file)
+    network = _network_of(file)
     name = network if tracker is None else tracker
     if name not in PUBLISHED:
-        raise WeightsError(f"weights {file} are those of {network}, for which there is no tracker")
+        raise WeightsError(f"weights {file} are those of {network}, which no tracker uses")
     if PUBLISHED[name].network != network:
         raise WeightsError(
             f"weights {file} are those of {network}, but {name} has {PUBLISHED[name].network}"
@@ -81,13 +81,13 @@ def import_(
     target = (folder or cache_folder() / "weights") / PUBLISHED[name].local
     exported = export_folder(file)
     if exported is None:
-        _check_apart("--folder", target, [("the weights", file)])
+        _check_folder("--folder", target, [("the weights", file)])
         _export(file, target, name, "f32", ())
-        _copied([file], target, f"{network}.pth")
+        _copy_files([file], target, f"{network}.pth")
     else:
         pieces = [exported / f"{piece}.onnx" for piece in Exported.read(exported).pieces]
-        _copied([*pieces, exported / RECORD], target)
-    print(f"kept in {target}")
+        _copy_files([*pieces, exported / RECORD], target)
+    print(f"stored in {target}")
 
 
 @weights.command(name="export")
@@ -100,9 +100,9 @@ def export(
     precision: Literal["f32", "int8"] = "f32",
     pictures: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
 ) -> None:
-    """Write a network of an authors' .pth file as ONNX, for OpenVINO and ONNX Runtime.
+    """Export a network of an authors' .pth file to ONNX, for OpenVINO and ONNX Runtime.
 
-    The files are compared with PyTorch before they are kept.
+    The output of the files is compared with PyTorch before they are stored.
 
     Parameters
     ----------
@@ -113,14 +113,13 @@ def export(
     out
         Folder in which a folder named after the tracker is written.
     precision
-        int8 computes in eight bits what is run on every frame.
+        int8 quantizes the parts that run on every frame.
     pictures
-        For int8: video or folder of pictures like those that will be tracked in, from which the
-        ranges of values are taken.
+        For int8: video or folder of images similar to those to be tracked, used for calibration.
     """
     known = [each for each in PUBLISHED if not each.startswith("nanotrack")]
     tracker = check_choice("tracker with a .pth file", name, known)
-    _check_apart("--out", out / tracker, [("the weights", file)], pictures)
+    _check_folder("--out", out / tracker, [("the weights", file)], pictures)
     images = [] if pictures is None else _read(pictures)
     _export(file, out / tracker, tracker, precision, images)
     print(f"{file}: {PUBLISHED[tracker].network}, {precision}, written to {out / tracker}")
@@ -135,15 +134,15 @@ def _export(
     export_network(file, target, name=name, network=network, precision=precision, pictures=pictures)
 
 
-def _recognised(file: Path) -> str:
-    """The network of a checkpoint or an exported folder."""
+def _network_of(file: Path) -> str:
+    """Name of the network in a checkpoint or an exported folder."""
     folder = export_folder(file)
     if folder is not None:
         return Exported.read(folder).network
     if file.suffix == ".onnx":
         raise WeightsError(
             f"weights {file} are ONNX without a {RECORD} beside them: they need no import, "
-            "give them to a tracker as they are"
+            "give them to a tracker directly"
         )
     from ssiam.networks import read_checkpoint
 
@@ -151,19 +150,19 @@ def _recognised(file: Path) -> str:
 
 
 def _read(pictures: str) -> list[Any]:
-    """Some frames of a source, spread over all of it where its length is known."""
+    """Frames of a source, spread over all of it if its length is known."""
     from ssiam.video import open_source
 
     with open_source(pictures) as frames:
-        step = max((frames.length or 0) // _PICTURES, 1)
-        found = [frame.image for frame in islice(frames, 0, step * _PICTURES, step)]
+        step = max((frames.length or 0) // _CALIBRATION_IMAGES, 1)
+        found = [frame.image for frame in islice(frames, 0, step * _CALIBRATION_IMAGES, step)]
     if not found:
-        raise ArgumentError(f"--pictures {pictures}: there are no pictures in it")
+        raise ArgumentError(f"--pictures {pictures}: contains no images")
     return found
 
 
-def _told(folder: Path) -> str:
-    """What is in a folder of weights, in a few words."""
+def _description(folder: Path) -> str:
+    """Short description of a folder of weights."""
     kinds = [path.name for path in sorted(folder.glob("*.pth"))]
     if (folder / RECORD).is_file():
         kinds.append(f"ONNX {Exported.read(folder).precision}")
@@ -172,8 +171,8 @@ def _told(folder: Path) -> str:
     return f"{folder} ({', '.join(kinds) or 'empty'})"
 
 
-def _copied(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
-    """Copy files into a folder, in which they replace others when all of them are whole."""
+def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
+    """Copy files into a folder, replacing others only after all of them are complete."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
@@ -184,16 +183,16 @@ def _copied(files: Iterable[Path], folder: Path, name: str | None = None) -> Non
             for staged in sorted(Path(temporary).iterdir(), key=lambda path: path.name == RECORD):
                 staged.replace(folder / staged.name)
     except OSError as error:
-        raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise output_error(folder, error) from error
 
 
-def _check_apart(
+def _check_folder(
     option: str, folder: Path, inputs: list[NamedPath], pictures: str | None = None
 ) -> None:
-    """Refuse a folder in which the export would replace what it reads."""
+    """Refuse a folder in which the export would replace its own input."""
     names = (*(f"{piece}.onnx" for piece in _PIECES), RECORD)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
     if pictures is None:
         check_apart(outputs, inputs)
     else:
-        check_apart_from_source(outputs, pictures, inputs)
+        check_distinct_from_source(outputs, pictures, inputs)

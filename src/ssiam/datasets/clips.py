@@ -17,7 +17,7 @@ from ssiam.datasets.files import image_folder, images_in
 from ssiam.datasets.pairing import check_counts
 from ssiam.datasets.sequence import Sequence
 from ssiam.video import open_source
-from ssiam.video.folders import IMAGE_SUFFIXES
+from ssiam.video.images import IMAGE_SUFFIXES
 
 EXPECTS = "images with one .txt of boxes, or videos with a .txt of the same name beside each"
 

@@ -6,7 +6,7 @@ import os
 from pathlib import Path, PurePosixPath
 
 from ssiam.datasets.errors import DatasetError
-from ssiam.video.folders import image_paths
+from ssiam.video.images import image_paths
 
 # Bytes. The longest sequences in use have 30,000 frames and take less than half of it.
 _LARGEST_TEXT = 2 * 1024 * 1024

@@ -15,7 +15,7 @@ from ssiam.errors import SourceError
 from ssiam.geometry import XYWH, Image, area_preserving_xywh
 from ssiam.video import open_source
 from ssiam.video.images import UnreadableImage, read_pages
-from ssiam.video.levels import LEVEL_FRAMES, Levels, in_eight_bits, levels_of
+from ssiam.video.levels import LEVEL_FRAMES, Levels, find_levels, to_8bit
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +82,14 @@ class Sequence:
         for path in paths[start:]:
             image = _as_it_is(path)
             if image.dtype != np.uint8 and levels is None:
-                levels = levels_of(map(_as_it_is, paths[:LEVEL_FRAMES])) or levels_of([image])
-            yield in_eight_bits(image, levels)
+                levels = find_levels(map(_as_it_is, paths[:LEVEL_FRAMES])) or find_levels([image])
+            yield to_8bit(image, levels)
 
     def _decoded(self, path: Path, start: int) -> Iterator[Image]:
         delivered = start
         with open_source(path) as source:
             for frame in islice(source, self.first + start, self.first + len(self)):
-                if source.facts.undecoded:
+                if source.info.undecoded:
                     # Every box from here on would be taken for that of an earlier frame.
                     raise SourceError(
                         f"{path}: a frame before number {self.first + delivered} (from 0) cannot "
@@ -123,12 +123,12 @@ def read_image(path: Path, levels: Levels | None = None) -> Image:
     Values of more than 8 bits are shown by `levels`, else by those of the image itself.
     """
     image = _as_it_is(path)
-    return in_eight_bits(image, levels or levels_of([image]))
+    return to_8bit(image, levels or find_levels([image]))
 
 
 def image_levels(path: Path) -> Levels | None:
     """The levels of a sequence that begins with this image; None if it has 8 bits."""
-    return levels_of([_as_it_is(path)])
+    return find_levels([_as_it_is(path)])
 
 
 def _as_it_is(path: Path) -> NDArray[Any]:

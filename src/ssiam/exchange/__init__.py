@@ -1,11 +1,12 @@
 """Tracks for other programs: annotation tools, supervision, Rerun."""
 
-from ssiam.exchange.annotations import Annotation, Annotations, annotation_of, read_annotations
+from ssiam.errors import AnnotationsError
+from ssiam.exchange.annotations import Annotation, Annotations, annotation_from_track
 from ssiam.exchange.detections import to_detections
-from ssiam.exchange.errors import AnnotationsError
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
-from ssiam.exchange.rerun_log import RerunLog
-from ssiam.exchange.timeline import Timeline, timeline
+from ssiam.exchange.labelstudio import Timeline, timeline
+from ssiam.exchange.rerun import RerunLog
+from ssiam.exchange.result_files import read_annotations
 
 __all__ = [
     "EXPORT_KINDS",
@@ -15,7 +16,7 @@ __all__ = [
     "ExportKind",
     "RerunLog",
     "Timeline",
-    "annotation_of",
+    "annotation_from_track",
     "read_annotations",
     "timeline",
     "to_detections",

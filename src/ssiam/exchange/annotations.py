@@ -1,27 +1,23 @@
-"""`Annotations`: where the targets of one video are, for programs that know nothing of `Track`."""
+"""`Annotations`: the targets of one video, independent of `Track`, for export to other tools."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from pathlib import Path
 from typing import Final, TypeAlias
 
 from ssiam.errors import ArgumentError
-from ssiam.exchange.errors import AnnotationsError
-from ssiam.exchange.result_lines import Record, read_records
 from ssiam.geometry import XYWH
 from ssiam.track import Track
 
 Corners: TypeAlias = tuple[tuple[float, float], ...]
 
-# Exports hold a line a frame, whatever the results say of it.
-_LAST_FRAME: Final = 999_999
-_LAST_TARGET: Final = 1000
-_NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
+NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
+
+_DECIMALS: Final = 3  # of pixels and degrees
 
 
 @dataclass(frozen=True)
@@ -35,16 +31,16 @@ class Annotation:
     frame : int
         From 0.
     time : float or None
-        Seconds; None where the source told no times.
+        Seconds; None if the source has no timestamps.
     target : int
         From 1.
     xywh : (x, y, w, h) floats
-        Upright box; without area where there is none.
+        Upright box; zero size if there is none.
     corners : four (x, y), or None
-        Rotated box of the mask trackers, in order around it.
+        Rotated box of a mask tracker, in order around it.
     score : float
     lost : bool
-        The box is a guess, not to be shown.
+        The target is lost; the box is a guess and not to be displayed.
     """
 
     frame: int
@@ -56,8 +52,8 @@ class Annotation:
     lost: bool = False
 
     @property
-    def seen(self) -> bool:
-        """Whether there is a box to show."""
+    def visible(self) -> bool:
+        """Whether there is a box to display."""
         return not self.lost and self.xywh[2] > 0 and self.xywh[3] > 0
 
 
@@ -72,18 +68,18 @@ class Annotations:
     size_wh : (int, int)
         Width and height of the frames, pixels.
     fps : float or Fraction
-        Frames a second.
+        Frames per second.
     names : tuple of str
-        ``names[target - 1]``; several targets may share one, the name of their kind.
+        ``names[target - 1]``; targets of the same class may share a name.
     rows : tuple of Annotation
-        In any order, each target at most once a frame; frames may be left out.
+        In any order, each target at most once per frame; frames may be missing.
     length : int
-        Number of frames of the video, where more is known of it than what `rows` tell.
+        Number of frames of the video, if it is larger than the last frame of `rows` implies.
 
     Raises
     ------
     ArgumentError
-        On construction: an impossible size or rate, or a target that has no name.
+        On construction: an impossible size or rate, or a target without a name.
     """
 
     size_wh: tuple[int, int]
@@ -94,10 +90,10 @@ class Annotations:
 
     def __post_init__(self) -> None:
         if min(self.size_wh) < 1:
-            raise ArgumentError(f"size {self.size_wh} is no size of frames: give width and height")
+            raise ArgumentError(f"frame size {self.size_wh} is not positive: give width and height")
         if not 0 < self.fps < math.inf:
             raise ArgumentError(
-                f"frame rate {self.fps} is not a positive number of frames a second"
+                f"frame rate {self.fps} is not a positive number of frames per second"
             )
         most = max((row.target for row in self.rows), default=0)
         if most > len(self.names):
@@ -114,91 +110,97 @@ class Annotations:
         return shown or f"target {target}"
 
     def tracks(self) -> dict[int, list[Annotation]]:
-        """Rows by target, in the order of targets and frames."""
+        """Rows by target, sorted by target and frame."""
         found: dict[int, list[Annotation]] = {}
         for row in sorted(self.rows, key=lambda row: (row.target, row.frame)):
             found.setdefault(row.target, []).append(row)
         return found
 
 
-def annotation_of(frame_index: int, time: float | None, target: int, track: Track) -> Annotation:
-    """What `track` says of a target (from 1) in a frame (from 0) at `time` seconds.
+def annotation_from_track(
+    frame_index: int, time: float | None, target: int, track: Track
+) -> Annotation:
+    """The annotation of a target (from 1) in a frame (from 0) at `time` seconds.
 
-    A box that is not finite is none, and its target lost.
+    A box that is not finite counts as lost, without a box.
     """
     finite = all(map(math.isfinite, track.box))
     corners = None
     if track.corners is not None and all(map(math.isfinite, track.corners.ravel())):
         corners = tuple((float(x), float(y)) for x, y in track.corners)
-    x, y, w, h = map(float, track.box if finite else _NO_BOX)
+    x, y, w, h = map(float, track.box if finite else NO_BOX)
     score = float(track.score) if math.isfinite(track.score) else 0.0
     lost = bool(track.lost) or not finite
     return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost)
 
 
-def read_annotations(
-    path: str | Path,
-    size_wh: tuple[int, int],
-    fps: float | Fraction,
-    names: Sequence[str] | None = None,
-) -> Annotations:
-    """The annotations in a .csv or .jsonl that ``ssiam track --results`` wrote.
+def visible_runs(rows: Sequence[Annotation]) -> Iterator[list[Annotation]]:
+    """Runs of consecutive frames in which one target is visible; `rows` are sorted by frame."""
+    run: list[Annotation] = []
+    for row in rows:
+        if run and (not row.visible or row.frame != run[-1].frame + 1):
+            yield run
+            run = []
+        if row.visible:
+            run.append(row)
+    if run:
+        yield run
 
-    Parameters
-    ----------
-    path : str or Path
-        Not trusted: its lines are limited in length and number, and each is checked.
-    size_wh : (int, int)
-        Width and height of the video's frames, pixels.
-    fps : float or Fraction
-        Frames a second.
-    names : sequence of str, optional
-        One a target; "target 1", "target 2", ... unless given.
 
-    Raises
-    ------
-    AnnotationsError
-        The file is missing, damaged, or of another kind; one line with file and line number.
-    ArgumentError
-        `names` are not as many as there are targets, or `size_wh` or `fps` is impossible.
+@dataclass(frozen=True)
+class RotatedBox:
+    """A box of width `w` and height `h` (pixels), rotated about its center.
+
+    `degrees` are clockwise on screen, -45 to 45.
     """
-    rows: dict[tuple[int, int], Annotation] = {}
-    for number, record in read_records(Path(path)):
-        try:
-            row = _annotation(record)
-        except ValueError as error:
-            raise AnnotationsError(f"{path}: line {number}: {error}") from None
-        if rows.setdefault((row.frame, row.target), row) is not row:
-            raise AnnotationsError(
-                f"{path}: line {number}: target {row.target} is in frame {row.frame} a second time"
-            )
-    most = max((target for _, target in rows), default=0)
-    if names is not None and len(names) != most:
-        raise ArgumentError(f"{len(names)} names for the {most} targets of {path}: give one each")
-    named = [f"target {i}" for i in range(1, most + 1)] if names is None else names
-    return Annotations(size_wh, fps, tuple(named), tuple(rows.values()))
+
+    cx: float
+    cy: float
+    w: float
+    h: float
+    degrees: float
+
+    @property
+    def upright_xy(self) -> tuple[float, float]:
+        """Top left corner of the box before rotation."""
+        return self.cx - self.w / 2, self.cy - self.h / 2
+
+    @property
+    def rotated_xy(self) -> tuple[float, float]:
+        """The same corner after rotation."""
+        cos, sin = math.cos(math.radians(self.degrees)), math.sin(math.radians(self.degrees))
+        x, y = -self.w / 2, -self.h / 2
+        return self.cx + cos * x - sin * y, self.cy + sin * x + cos * y
 
 
-def _annotation(record: Record) -> Annotation:
-    """The annotation of a line; `ValueError` that says what is wrong with it."""
-    x, y, w, h = (record[name] for name in "xywh")
-    points = [record[f"{axis}{number}"] for number in "1234" for axis in "xy"]
-    known = [value for value in points if value is not None]
-    has_box = x is not None and y is not None and w is not None and h is not None
-    return Annotation(
-        _whole(record, "frame", 0, _LAST_FRAME),
-        record["time"],
-        _whole(record, "target", 1, _LAST_TARGET),
-        (x, y, w, h) if has_box else _NO_BOX,  # type: ignore[arg-type]
-        tuple(zip(known[::2], known[1::2], strict=True)) if len(known) == len(points) else None,
-        record["score"] or 0.0,
-        bool(_whole(record, "lost", 0, 1)) or not has_box,
-    )
+def rotated_box(annotation: Annotation) -> RotatedBox:
+    """The target's rotated box, or its upright one with an angle of 0."""
+    if annotation.corners is not None:
+        return _box_from_corners(annotation.corners)
+    x, y, w, h = annotation.xywh
+    return RotatedBox(x + w / 2, y + h / 2, w, h, 0.0)
 
 
-def _whole(record: Record, name: str, lowest: int, highest: int) -> int:
-    value = record[name]
-    if value is None or not value.is_integer() or not lowest <= value <= highest:
-        shown = "missing" if value is None else f"{value:g}"
-        raise ValueError(f"{name} is {shown}, not a whole number from {lowest} to {highest}")
-    return int(value)
+def _box_from_corners(corners: Corners) -> RotatedBox:
+    """The box of four corners in order around it; opposite sides are averaged."""
+    (x1, y1), (x2, y2), (x3, y3), (x4, y4) = corners
+    along = ((x2 - x1 + x3 - x4) / 2, (y2 - y1 + y3 - y4) / 2)
+    across = ((x4 - x1 + x3 - x2) / 2, (y4 - y1 + y3 - y2) / 2)
+    w, h = math.hypot(*along), math.hypot(*across)
+    degrees = math.degrees(math.atan2(along[1], along[0]))
+    # Four angles describe the same box; annotators would use the smallest.
+    quarters = math.floor(degrees / 90 + 0.5)
+    if quarters % 2:
+        w, h = h, w
+    center = (x1 + x2 + x3 + x4) / 4, (y1 + y2 + y3 + y4) / 4
+    return RotatedBox(*center, w, h, degrees - 90 * quarters)
+
+
+def rounded(values: Iterable[float], decimals: int = _DECIMALS) -> list[float]:
+    """The values rounded, never -0.0."""
+    return [round(value, decimals) + 0.0 for value in values]
+
+
+def full_circle(degrees: float) -> float:
+    """Rounded degrees in the range 0 to below 360."""
+    return round(degrees, _DECIMALS) % 360

@@ -1,4 +1,4 @@
-"""COCO: one JSON of images, annotations and categories, as pycocotools reads it."""
+"""COCO: one JSON file of images, annotations and categories, as read by pycocotools."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ssiam.exchange.annotations import Annotation, Annotations, Corners
-from ssiam.exchange.boxes import rounded
+from ssiam.exchange.annotations import Annotation, Annotations, Corners, rounded
 from ssiam.geometry import xywh_from_corners
 from ssiam.outputs import replaced
 
@@ -15,23 +14,24 @@ _SCORE_DECIMALS = 4
 
 
 def write_coco(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
-    """Write an image a frame, and an annotation a target that is seen; errors as `write_exports`.
+    """Write one image per frame and one annotation per visible target; raises as `write_exports`.
 
-    Ids count from 1; the images are called ``frame_000000.jpg`` and so on, from 0. Rotated boxes
-    are the polygon of `segmentation`, with the upright box around it; others have none.
+    Ids count from 1; the images are named ``frame_000000.jpg`` and so on, from 0. A rotated box
+    becomes the polygon of `segmentation`, and `bbox` is the upright box around it; for an upright
+    box `segmentation` is empty.
     """
     tracks = annotations.tracks()
     names = {target: annotations.name(target) for target in tracks}
     categories = {name: number for number, name in enumerate(dict.fromkeys(names.values()), 1)}
-    seen = [row for rows in tracks.values() for row in rows if row.seen]
-    seen.sort(key=lambda row: (row.frame, row.target))
+    visible = [row for rows in tracks.values() for row in rows if row.visible]
+    visible.sort(key=lambda row: (row.frame, row.target))
     content = {
         "info": {"description": f"{video}, tracked by ssiam", "version": "1.0"},
         "licenses": [],
         "images": [_image(annotations, frame) for frame in range(annotations.frame_count)],
         "annotations": [
             _annotation(number, row, categories[names[row.target]])
-            for number, row in enumerate(seen, start=1)
+            for number, row in enumerate(visible, start=1)
         ],
         "categories": [
             {"id": number, "name": name, "supercategory": ""} for name, number in categories.items()

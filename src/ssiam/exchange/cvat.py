@@ -1,4 +1,4 @@
-"""CVAT: XML of its format "CVAT for video 1.1", a track a target."""
+"""CVAT: XML of the format "CVAT for video 1.1", one track per target."""
 
 from __future__ import annotations
 
@@ -7,18 +7,23 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.sax.saxutils import XMLGenerator
 
-from ssiam.exchange.annotations import Annotation, Annotations
-from ssiam.exchange.appearances import appearances
-from ssiam.exchange.boxes import full_circle, rounded, turned_box
+from ssiam.exchange.annotations import (
+    Annotation,
+    Annotations,
+    full_circle,
+    rotated_box,
+    rounded,
+    visible_runs,
+)
 from ssiam.outputs import replaced
 
 
 def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
-    """Write what CVAT imports as "CVAT 1.1": boxes, each a keyframe; errors as `write_exports`.
+    """Write a file for CVAT's import "CVAT 1.1", every box a keyframe; raises as `write_exports`.
 
-    CVAT shows a box until the next keyframe, so a target that is lost, or of which nothing is
-    said, gets one box with ``outside="1"`` where it was last seen. Rotated boxes are turned about
-    their centre, as CVAT has them.
+    CVAT displays a box until the next keyframe. Where a target is lost or has no row, one box with
+    ``outside="1"`` at its last visible position ends the display. Rotated boxes are rotated about
+    their center, as in CVAT.
     """
     with replaced(path, "w", overwrite=overwrite) as file:
         xml = XMLGenerator(file, encoding="utf-8", short_empty_elements=True)
@@ -28,7 +33,7 @@ def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool
             with _element(xml, "meta"), _element(xml, "task"):
                 _write_task(xml, annotations, video)
             for target, rows in annotations.tracks().items():
-                _write_track(xml, annotations, target, list(appearances(rows)))
+                _write_track(xml, annotations, target, list(visible_runs(rows)))
         xml.endDocument()
 
 
@@ -53,8 +58,8 @@ def _write_track(
 ) -> None:
     if not runs:
         return
-    heading = {"id": str(target), "label": annotations.name(target), "source": "auto"}
-    with _element(xml, "track", heading):
+    attributes = {"id": str(target), "label": annotations.name(target), "source": "auto"}
+    with _element(xml, "track", attributes):
         for run in runs:
             for row in run:
                 _write_box(xml, row, row.frame, outside=False)
@@ -64,7 +69,7 @@ def _write_track(
 
 
 def _write_box(xml: XMLGenerator, row: Annotation, frame: int, *, outside: bool) -> None:
-    box = turned_box(row)
+    box = rotated_box(row)
     left, top = box.upright_xy
     sides = rounded((left, top, left + box.w, top + box.h))
     attributes = {"frame": str(frame), "outside": str(int(outside)), "occluded": "0"}

@@ -1,4 +1,4 @@
-"""`to_detections`: tracks as the detections of Roboflow's supervision."""
+"""`to_detections`: tracks as detections of Roboflow's supervision."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from ssiam.track import Track
 if TYPE_CHECKING:
     import supervision
 
-# What supervision's annotators of oriented boxes look for.
+# Key that supervision's annotators of oriented boxes use.
 _ORIENTED = "xyxyxyxy"
 
 
 def to_detections(
     tracks: Sequence[Track], ids: Sequence[int] | None = None
 ) -> supervision.Detections:
-    """The tracks that are not lost, for supervision's annotators, zones and counters.
+    """Convert the tracks that are not lost, for supervision's annotators, zones and counters.
 
     Parameters
     ----------
     tracks : sequence of Track
-        Of one frame.
+        The tracks of one frame.
     ids : sequence of int, optional
-        Number of each target; 1, 2, ... unless given.
+        Number of each target; 1, 2, ... by default.
 
     Returns
     -------
     supervision.Detections
         N detections in raw-frame pixels: `xyxy` (N, 4) float32, `confidence` (N,) float32,
-        `tracker_id` (N,) int, ``data["corners"]`` (N, 4, 2) float32; with a tracker of masks also
-        `mask` (N, H, W) bool, and with rotated boxes ``data["xyxyxyxy"]``, which is supervision's
-        name for them. There is no `class_id`: colours go by ``ColorLookup.TRACK``.
+        `tracker_id` (N,) int, ``data["corners"]`` (N, 4, 2) float32; with a mask tracker also
+        `mask` (N, H, W) bool, and with rotated boxes ``data["xyxyxyxy"]``, supervision's name for
+        them. `class_id` is not set: use ``ColorLookup.TRACK`` for colors.
 
     Raises
     ------
     MissingExtraError
         supervision is not installed.
     ArgumentError
-        `ids` are not as many as `tracks`.
+        The number of `ids` differs from that of `tracks`.
     """
     try:
         import supervision
@@ -55,12 +55,12 @@ def to_detections(
 
 
 def detection_fields(tracks: Sequence[Track], ids: Sequence[int] | None = None) -> dict[str, Any]:
-    """The arrays that `to_detections` hands to supervision, by the names of its fields."""
+    """The arrays that `to_detections` passes to supervision, by field name."""
     if ids is not None and len(ids) != len(tracks):
-        raise ArgumentError(f"{len(ids)} ids for {len(tracks)} tracks: give one each")
+        raise ArgumentError(f"{len(ids)} ids for {len(tracks)} tracks: give one id per track")
     numbers = range(1, len(tracks) + 1) if ids is None else ids
-    shown = {n: track for n, track in zip(numbers, tracks, strict=True) if _has_box(track)}
-    known = shown.values()
+    visible = {n: track for n, track in zip(numbers, tracks, strict=True) if _has_box(track)}
+    known = visible.values()
     boxes = np.array([track.box for track in known], dtype=np.float32).reshape(-1, 4)
     corners = np.array([_corners(track) for track in known], dtype=np.float32).reshape(-1, 4, 2)
     masks = [track.mask for track in known if track.mask is not None]
@@ -71,13 +71,13 @@ def detection_fields(tracks: Sequence[Track], ids: Sequence[int] | None = None) 
         "xyxy": np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]),
         "mask": np.stack(masks) if masks and len(masks) == len(known) else None,
         "confidence": np.array([track.score for track in known], dtype=np.float32),
-        "tracker_id": np.array(list(shown), dtype=np.int64),
+        "tracker_id": np.array(list(visible), dtype=np.int64),
         "data": data,
     }
 
 
 def _has_box(track: Track) -> bool:
-    """Whether there is a box to show."""
+    """Whether there is a box to display."""
     return not track.lost and bool(np.isfinite(track.box).all())
 
 

@@ -33,9 +33,9 @@ def write_exports(
     *,
     overwrite: bool = True,
 ) -> None:
-    """Write `annotations` to the file `path`, which holds all of them or what it held before.
+    """Write `annotations` to the file `path`, completely or not at all.
 
-    The same annotations give the same bytes.
+    Equal annotations give equal bytes.
 
     Parameters
     ----------
@@ -44,18 +44,18 @@ def write_exports(
         Its folder must exist.
     kind : {"cvat", "coco", "labelstudio", "got10k"}
         XML of "CVAT for video 1.1", JSON of COCO, JSON of Label Studio's tasks, or a zip with
-        a folder a target as GOT-10k has them. docs/how-to/exchange.md tells what they hold.
+        one folder per target as in GOT-10k. docs/how-to/exchange.md describes their contents.
     video : str
-        The video's name or address, for formats that tell it.
+        The video's name or address, for formats that contain it.
     overwrite : bool
-        Whether a file of that name may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     SinkError
-        The file cannot be written, or exists and is not to be replaced.
+        The file cannot be written, or exists and `overwrite` is False.
     ArgumentError
-        An unknown kind.
+        The kind is unknown.
     """
     write = _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)]
     write(annotations, Path(path), video, overwrite)

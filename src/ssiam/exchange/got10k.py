@@ -1,4 +1,4 @@
-"""GOT-10k: a zip with a folder a target, in it the labels that its toolkit reads."""
+"""GOT-10k: a zip with one folder per target, with the label files that its toolkit reads."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ from pathlib import Path
 from typing import Final
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from ssiam.exchange.annotations import Annotation, Annotations
+from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
 from ssiam.outputs import replaced
 
 _LIST: Final = "list.txt"
-_LONGEST_NAME: Final = 60  # characters, up to four bytes each; file systems take 255 bytes
+_LONGEST_NAME: Final = 60  # characters, up to four bytes each; file systems allow 255 bytes
 _NOT_IN_NAMES: Final = re.compile(r"[^\w.-]+")
-# Steps of cover.label: from hidden to wholly visible.
+# Values of cover.label: from hidden to completely visible.
 _HIDDEN, _VISIBLE = 0, 8
-_NO_BOX: Final = (0.0, 0.0, 0.0, 0.0)
 
 
 def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
-    """Write the zip; errors as `write_exports`.
+    """Write the zip; raises as `write_exports`.
 
-    Every file has a line a frame of the video, 0-based pixels as GOT-10k's toolkit takes them.
-    Where a target is not seen its box is ``0,0,0,0`` and absence.label is 1. Of rotated boxes
-    the upright one is written. What meta_info.ini cannot know is "none".
+    Every file has one line per frame of the video, in 0-based pixels as in GOT-10k's toolkit.
+    Where a target is not visible its box is ``0,0,0,0`` and absence.label is 1. Rotated boxes are
+    written as their upright box. Unknown fields of meta_info.ini are "none".
     """
     tracks = annotations.tracks()
     folders = list(_folders([annotations.name(target) for target in tracks]))
@@ -39,7 +38,7 @@ def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bo
 
 
 def _folders(names: Sequence[str]) -> Iterator[str]:
-    """Names that every file system takes, each once."""
+    """Unique names that every file system accepts."""
     taken = {_LIST}
     for name in names:
         plain = _NOT_IN_NAMES.sub("_", name)[:_LONGEST_NAME].strip("._") or "target"
@@ -54,12 +53,12 @@ def _folders(names: Sequence[str]) -> Iterator[str]:
 def _files(
     annotations: Annotations, name: str, rows: Sequence[Annotation], video: str
 ) -> Iterator[tuple[str, list[str]]]:
-    seen = {row.frame: row.xywh for row in rows if row.seen}
+    visible = {row.frame: row.xywh for row in rows if row.visible}
     frames = range(annotations.frame_count)
-    yield "groundtruth.txt", [_line(seen.get(frame, _NO_BOX)) for frame in frames]
-    yield "absence.label", [str(int(frame not in seen)) for frame in frames]
-    yield "cover.label", [str(_VISIBLE if frame in seen else _HIDDEN) for frame in frames]
-    cut = {frame for frame, xywh in seen.items() if _is_cut(xywh, annotations.size_wh)}
+    yield "groundtruth.txt", [_line(visible.get(frame, NO_BOX)) for frame in frames]
+    yield "absence.label", [str(int(frame not in visible)) for frame in frames]
+    yield "cover.label", [str(_VISIBLE if frame in visible else _HIDDEN) for frame in frames]
+    cut = {frame for frame, xywh in visible.items() if _is_cut(xywh, annotations.size_wh)}
     yield "cut_by_image.label", [str(int(frame in cut)) for frame in frames]
     yield "meta_info.ini", _meta(annotations, name, video)
 
@@ -74,7 +73,7 @@ def _is_cut(xywh: Sequence[float], size_wh: tuple[int, int]) -> bool:
 
 
 def _meta(annotations: Annotations, name: str, video: str) -> list[str]:
-    """Lines in the order of GOT-10k's own files: some readers count them."""
+    """Lines in the order of GOT-10k's own files: some readers rely on it."""
     width, height = annotations.size_wh
     values = {
         "url": video,

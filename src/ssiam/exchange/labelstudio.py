@@ -3,37 +3,50 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ssiam.exchange.annotations import Annotation, Annotations
-from ssiam.exchange.appearances import appearances
-from ssiam.exchange.boxes import full_circle, rounded, turned_box
-from ssiam.exchange.timeline import Timeline, timeline
+from ssiam.exchange.annotations import (
+    Annotation,
+    Annotations,
+    full_circle,
+    rotated_box,
+    rounded,
+    visible_runs,
+)
 from ssiam.outputs import replaced
 
 _PERCENT_DECIMALS = 6
 _TIME_DECIMALS = 6
+# A frame number is unambiguous if its time differs from the frame's own time by less than half
+# the shortest gap between frames.
+_NEAREST = 0.45
+# Frames per second; finer time steps are of no use for stepping through frames.
+_HIGHEST_FPS = 1000
 
 
 def write_labelstudio(
     annotations: Annotations, path: Path, video: str, overwrite: bool = True
 ) -> None:
-    """Write the list of one task; errors as `write_exports`.
+    """Write a list with one task; raises as `write_exports`.
 
-    Boxes are in percent of the frame and frames count from 1. Label Studio still shows a box on
-    a frame that is not `enabled`, and none after it: the last frame on which a target is seen is
-    the one that is not, and frames on which it is lost are left out.
+    Boxes are in percent of the frame and frames count from 1. Label Studio displays a box on a
+    frame whose keyframe is not `enabled`, and none after it: the last frame on which a target is
+    visible is written that way, and frames on which it is lost are omitted.
 
-    Label Studio finds a frame by its time and the frame rate of its tag Video, so that numbers
-    are those of the frames' own times at the rate of `timeline`.
+    Label Studio finds a frame by its time and the frame rate of its tag Video, so frame numbers
+    are the frame times at the rate of `timeline`.
     """
     line = timeline(annotations)
     results = [
         _result(annotations, line, target, rows)
         for target, rows in annotations.tracks().items()
-        if any(row.seen for row in rows)
+        if any(row.visible for row in rows)
     ]
     prediction = {"model_version": "ssiam", "result": results}
     with replaced(path, "w", overwrite=overwrite) as file:
@@ -61,17 +74,17 @@ def _result(
 def _sequence(
     annotations: Annotations, line: Timeline, rows: Sequence[Annotation]
 ) -> Iterator[dict[str, Any]]:
-    for run in appearances(rows):
+    for run in visible_runs(rows):
         for row in run:
-            goes_on = row is not run[-1] or row.frame + 1 == annotations.frame_count
-            yield {"enabled": goes_on} | _keyframe(annotations, line, row)
+            enabled = row is not run[-1] or row.frame + 1 == annotations.frame_count
+            yield {"enabled": enabled} | _keyframe(annotations, line, row)
 
 
 def _keyframe(annotations: Annotations, line: Timeline, row: Annotation) -> dict[str, float | int]:
     width, height = annotations.size_wh
-    box = turned_box(row)
-    # The box is turned about its top left corner, which is told where it lies afterwards.
-    x, y = box.turned_xy
+    box = rotated_box(row)
+    # Label Studio rotates a box about its top left corner and stores that corner.
+    x, y = box.rotated_xy
     shares = (x / width, y / height, box.w / width, box.h / height)
     percent = rounded((100 * share for share in shares), _PERCENT_DECIMALS)
     number = line.numbers[row.frame] + 1
@@ -81,3 +94,65 @@ def _keyframe(annotations: Annotations, line: Timeline, row: Annotation) -> dict
         **dict(zip(("x", "y", "width", "height"), percent, strict=True)),
         "rotation": full_circle(box.degrees),
     }
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Frame numbers at a constant frame rate, for tools that find frames by time and rate.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    fps : float or Fraction
+        Frames per second: those of the video, unless its frame rate is variable.
+    count : int
+        Number of frames of the whole video at this rate.
+    numbers : dict of int to int
+        Number by frame, both from 0, for the frames that have annotations.
+    """
+
+    fps: float | Fraction
+    count: int
+    numbers: dict[int, int]
+
+
+def timeline(annotations: Annotations) -> Timeline:
+    """The rate at which the times of the frames give each one a unique number.
+
+    If some frames have no time, or times run backwards, the rate is taken as constant:
+    ``number = frame``.
+    """
+    known_times = {row.frame: row.time for row in annotations.rows if row.time is not None}
+    origin = known_times.get(0, 0.0)
+    times = {frame: time - origin for frame, time in known_times.items()}
+    frames = sorted({row.frame for row in annotations.rows})
+    known = [times[frame] for frame in frames if frame in times]
+    gaps = [after - before for before, after in pairwise(known)]
+    has_times = len(known) == len(frames) and min(gaps, default=1.0) > 0 and known[:1] >= [0.0]
+    if not has_times or _is_constant(times, annotations.fps):
+        return Timeline(annotations.fps, annotations.frame_count, {f: f for f in frames})
+    fps = _fps(annotations.fps, known, min(gaps, default=1.0))
+    numbers: dict[int, int] = {}
+    last = -1
+    for frame in frames:
+        numbers[frame] = last = max(round(times[frame] * fps), last + 1)
+    rest = (annotations.frame_count - frames[-1]) / annotations.fps
+    count = max(numbers[frames[-1]] + 1, round((known[-1] + rest) * fps))
+    return Timeline(fps, count, numbers)
+
+
+def _is_constant(times: dict[int, float], fps: float | Fraction) -> bool:
+    return all(abs(time * fps - frame) < 0.5 for frame, time in times.items())
+
+
+def _fps(nominal: float | Fraction, times: list[float], gap: float) -> float | Fraction:
+    """The first of some candidate rates at which each time is close to a unique frame number."""
+    mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else nominal
+    for fps in (nominal, Fraction(mean).limit_denominator(1001), Fraction(round(1 / gap))):
+        if (
+            0 < fps <= _HIGHEST_FPS
+            and max(abs(t * fps - round(t * fps)) / fps for t in times) < _NEAREST * gap
+        ):
+            return fps
+    return min(_HIGHEST_FPS, math.ceil(2 / gap))

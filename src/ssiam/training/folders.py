@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ssiam.datasets import DatasetError
-from ssiam.video.folders import IMAGE_SUFFIXES
+from ssiam.video.images import IMAGE_SUFFIXES
 
 
 def first_folder(root: Path, names: Sequence[str]) -> Path:

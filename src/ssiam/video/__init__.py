@@ -1,9 +1,7 @@
-"""Where frames come from and where results go: sources, sinks, drawing."""
+"""Sources of frames, sinks for results and videos, and drawing."""
 
-from ssiam.video.drawing import COLORS, draw_tracks
-from ssiam.video.frames import Frame, Source
-from ssiam.video.lookahead import with_following
-from ssiam.video.panels import side_by_side
+from ssiam.video.drawing import COLORS, draw_tracks, side_by_side
+from ssiam.video.frames import Frame, Source, with_following
 from ssiam.video.plots import PathPlot
 from ssiam.video.results import ResultSink, open_results
 from ssiam.video.sinks import VideoSink

@@ -1,8 +1,10 @@
-"""Drawing tracks into frames, for people to look at."""
+"""Drawing for display: tracks in frames, labels, and two images side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -10,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssiam.geometry import Image, corners_from_xywh
 from ssiam.track import Track
-from ssiam.video.lettering import BLACK, WHITE, Color, Lettering
 
-# BGR; the hues of Okabe and Ito, which the colour-blind can tell apart, in bright versions.
-COLORS: tuple[Color, ...] = (
+_Color: TypeAlias = tuple[int, int, int]
+
+# BGR; brightened hues of Okabe and Ito, distinguishable with color blindness.
+COLORS: tuple[_Color, ...] = (
     (60, 230, 90),
     (30, 160, 255),
     (255, 190, 60),
@@ -21,11 +24,23 @@ COLORS: tuple[Color, ...] = (
     (70, 235, 245),
     (255, 120, 80),
 )
-_LOST_COLOR: Color = (70, 70, 255)
+_BLACK: _Color = (0, 0, 0)
+_WHITE: _Color = (255, 255, 255)
+_LOST_COLOR: _Color = (70, 70, 255)
 _MASK_SHARE = 0.4
-# Points further out than this (pixels) are drawn there; OpenCV's shifted coordinates overflow.
+# Coordinates are clipped to this (pixels); OpenCV's fixed-point coordinates overflow.
 _FAR = 1e5
-_SHIFT = 4
+_SHIFT = 4  # fractional bits of OpenCV's coordinates
+
+_PANEL_LABELS = ("raw", "stabilized")
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+# Font scale and line width for an image of 720 rows; smaller images get relatively more.
+_REFERENCE_ROWS = 720
+_FONT_SCALE = 0.9
+_SMALLEST_FONT_SCALE = 0.5
+_LINE_WIDTH = 3.0
+_SMALLEST_LINE_WIDTH = 2
 
 
 def draw_tracks(
@@ -35,94 +50,203 @@ def draw_tracks(
     fps: float | None = None,
     numbers: Sequence[int] | None = None,
 ) -> Image:
-    """A copy of the frame with every target drawn into it.
+    """Draw every target into a copy of the frame.
 
-    A target gets its box, its rotated box and mask if it has them, and its score. A lost one
-    gets no box, only the word LOST in the lower left corner. Several targets are numbered from 1
-    and told apart by colour. Lines and letters grow with the frame.
+    A target gets its box, its rotated box and mask if it has them, and its score. A lost target
+    gets no box, only the word LOST in the lower left corner. Several targets have numbers, from
+    1, and different colors. Lines and letters scale with the frame.
 
     Parameters
     ----------
     image : (H, W, 3) uint8 BGR
-        The raw frame; stays as it is.
+        The raw frame; not modified.
     tracks : sequence of Track
         In raw-frame pixels, in the order of the targets.
     fps : float or None
-        Frames a second, written in the upper right corner.
+        Frames per second, written in the upper right corner.
     numbers : sequence of int, optional
-        The targets' own, from 1, where they come and go.
+        Numbers of the targets, from 1, if their number varies.
+
+    Returns
+    -------
+    (H, W, 3) uint8 BGR
     """
     canvas = image.copy()
-    lettering = Lettering.for_image(canvas)
+    style = _TextStyle.for_image(canvas)
     lost = []
     is_numbered = numbers is not None or len(tracks) > 1
     for number, track in zip(numbers or range(1, len(tracks) + 1), tracks, strict=True):
-        called = f"{number} " if is_numbered else ""
+        prefix = f"{number} " if is_numbered else ""
         if track.lost:
-            lost.append(f"{called}LOST")
+            lost.append(f"{prefix}LOST")
         else:
-            label = f"{called}{track.score:.2f}"
-            _draw_target(canvas, track, label, COLORS[(number - 1) % len(COLORS)], lettering)
+            label = f"{prefix}{track.score:.2f}"
+            _draw_target(canvas, track, label, COLORS[(number - 1) % len(COLORS)], style)
     for line, text in enumerate(reversed(lost)):
-        lettering.write(canvas, text, _lower_left(canvas, lettering, line), _LOST_COLOR)
+        style.write(canvas, text, _lower_left(canvas, style, line), _LOST_COLOR)
     if fps is not None:
-        _write_fps(canvas, f"{fps:.1f} fps", lettering)
+        _write_fps(canvas, f"{fps:.1f} fps", style)
     return canvas
 
 
-def _draw_target(
-    canvas: Image, track: Track, label: str, color: Color, lettering: Lettering
-) -> None:
+def _draw_target(canvas: Image, track: Track, label: str, color: _Color, style: _TextStyle) -> None:
     if track.mask is not None:
         _tint(canvas, track.mask, color)
     box = corners_from_xywh(track.box)
     if track.corners is None:
-        _outline(canvas, box, color, lettering.thickness)
+        _outline(canvas, box, color, style.thickness)
     else:
-        _outline(canvas, box, color, lettering.thickness // 2, rim=0)
-        _outline(canvas, track.corners, color, lettering.thickness)
+        _outline(canvas, box, color, style.thickness // 2, rim=0)
+        _outline(canvas, track.corners, color, style.thickness)
     drawn = box if track.corners is None else np.vstack([box, track.corners])
     left, top = np.clip(drawn.min(axis=0), -_FAR, _FAR)
     bottom = float(np.clip(drawn[:, 1].max(), -_FAR, _FAR))
-    lettering.write(canvas, label, _beside(canvas, left, top, bottom, lettering), color)
+    style.write(canvas, label, _label_position(canvas, left, top, bottom, style), color)
 
 
-def _tint(canvas: Image, mask: NDArray[np.bool_], color: Color) -> None:
-    """Blend the colour into the pixels of the mask; only their bounding box is touched."""
+def _tint(canvas: Image, mask: NDArray[np.bool_], color: _Color) -> None:
+    """Blend the color into the pixels of the mask; only their bounding box is touched."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not rows.size:
         return
-    window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    part, chosen = canvas[window], mask[window]
+    region = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    part, chosen = canvas[region], mask[region]
     share = np.array(color) * _MASK_SHARE
     part[chosen] = (part[chosen] * (1 - _MASK_SHARE) + share).astype(np.uint8)
 
 
 def _outline(
-    canvas: Image, corners: ArrayLike, color: Color, thickness: int, *, rim: int = 2
+    canvas: Image, corners: ArrayLike, color: _Color, thickness: int, *, rim: int = 2
 ) -> None:
-    """Closed polygon with a dark rim, so that it shows on every ground."""
+    """Closed polygon with a dark rim, visible on every background."""
     near = np.clip(np.asarray(corners, dtype=np.float64), -_FAR, _FAR)
     points = np.round(near * (1 << _SHIFT)).astype(np.int32)
-    for shade, width in ((BLACK, thickness + rim), (color, thickness)):
+    for shade, width in ((_BLACK, thickness + rim), (color, thickness)):
         cv2.polylines(canvas, [points], True, shade, width, cv2.LINE_AA, _SHIFT)
 
 
-def _beside(
-    canvas: Image, left: float, top: float, bottom: float, lettering: Lettering
+def _label_position(
+    canvas: Image, left: float, top: float, bottom: float, style: _TextStyle
 ) -> tuple[float, float]:
-    """Lower left corner of a label over the box; under its lower edge if there is no room."""
-    over = top - lettering.gap
-    if over >= lettering.line_height:
-        return left, over
-    return left, min(bottom + lettering.gap + lettering.line_height, canvas.shape[0])
+    """Lower left corner of a label above the box, or below it if there is no room."""
+    above = top - style.gap
+    if above >= style.line_height:
+        return left, above
+    return left, min(bottom + style.gap + style.line_height, canvas.shape[0])
 
 
-def _lower_left(canvas: Image, lettering: Lettering, line: int) -> tuple[float, float]:
-    """Place of a line of text, the lowest being line 0."""
-    return lettering.gap, canvas.shape[0] - lettering.gap - line * lettering.line_height
+def _lower_left(canvas: Image, style: _TextStyle, line: int) -> tuple[float, float]:
+    """Position of a line of text, counted upwards from line 0 at the bottom."""
+    return style.gap, canvas.shape[0] - style.gap - line * style.line_height
 
 
-def _write_fps(canvas: Image, text: str, lettering: Lettering) -> None:
-    x = canvas.shape[1] - lettering.gap - lettering.width_of(text)
-    lettering.write(canvas, text, (x, lettering.gap + lettering.line_height), WHITE)
+def _write_fps(canvas: Image, text: str, style: _TextStyle) -> None:
+    x = canvas.shape[1] - style.gap - style.width_of(text)
+    style.write(canvas, text, (x, style.gap + style.line_height), _WHITE)
+
+
+def side_by_side(raw: Image, stabilized: Image) -> Image:
+    """Two panels of the size of `raw`, labeled "raw" and "stabilized".
+
+    Parameters
+    ----------
+    raw : (H, W, 3) uint8 BGR
+    stabilized : (h, w, 3) uint8 BGR
+        If it has another size it is scaled to fit its panel, with its aspect ratio kept and black
+        borders.
+
+    Returns
+    -------
+    (H, 2 W, 3) uint8 BGR
+        A new image; the inputs are not modified.
+    """
+    size_wh = raw.shape[1], raw.shape[0]
+    panels = [raw.copy(), _fitted(stabilized, size_wh)]
+    for panel, label in zip(panels, _PANEL_LABELS, strict=True):
+        style = _TextStyle.for_image(panel)
+        style.write(panel, label, (style.gap, style.gap + style.line_height), _WHITE)
+    return np.hstack(panels)
+
+
+def _fitted(image: Image, size_wh: tuple[int, int]) -> Image:
+    """A copy scaled to fit into `size_wh` (width, height), centered on black."""
+    width, height = size_wh
+    rows, columns = image.shape[:2]
+    if (columns, rows) == size_wh:
+        return image.copy()
+    scale = min(width / columns, height / rows)
+    inner_w, inner_h = max(1, round(columns * scale)), max(1, round(rows * scale))
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    panel = np.zeros((height, width, 3), dtype=np.uint8)
+    left, top = (width - inner_w) // 2, (height - inner_h) // 2
+    panel[top : top + inner_h, left : left + inner_w] = cv2.resize(
+        image, (inner_w, inner_h), interpolation=interpolation
+    )
+    return panel
+
+
+@dataclass(frozen=True)
+class _TextStyle:
+    """Outlined text scaled to an image: font scale, stroke and line height in pixels."""
+
+    font_scale: float
+    thickness: int
+    line_height: int
+    gap: int
+
+    @classmethod
+    def for_image(cls, image: Image) -> _TextStyle:
+        """Sizes that are legible in this image, from 240 rows to 4K."""
+        share = min(image.shape[:2]) / _REFERENCE_ROWS
+        font_scale = max(_SMALLEST_FONT_SCALE, _FONT_SCALE * share)
+        thickness = max(_SMALLEST_LINE_WIDTH, round(_LINE_WIDTH * share))
+        (_, height), baseline = cv2.getTextSize("0", _FONT, font_scale, thickness)
+        return cls(font_scale, thickness, height + baseline + thickness, 2 + thickness)
+
+    def width_of(self, text: str) -> int:
+        """Width of the text with its outline."""
+        (width, _), _ = cv2.getTextSize(text, _FONT, self.font_scale, self._stroke)
+        return width + 2 * self._rim
+
+    def write(
+        self, image: Image, text: str, lower_left: tuple[float, float], color: _Color
+    ) -> None:
+        """Write into the image, moved as far as needed to stay inside.
+
+        `lower_left` is the (x, y) of the text line, including the part below the baseline.
+        """
+        letters = self._letters(text)
+        rows, columns = image.shape[:2]
+        left = round(max(0.0, min(lower_left[0], columns - letters.shape[1])))
+        top = round(max(0.0, min(lower_left[1], rows) - letters.shape[0]))
+        part = image[top : top + letters.shape[0], left : left + letters.shape[1]]
+        letters = letters[: part.shape[0], : part.shape[1]]
+        # Dilated, because bolder text is wider in OpenCV 5 and would not align as an outline.
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * self._rim + 1,) * 2)
+        _blend(part, cv2.dilate(letters, kernel), _BLACK)
+        _blend(part, letters, color)
+
+    def _letters(self, text: str) -> NDArray[np.uint8]:
+        """The text in white on black."""
+        (_, height), baseline = cv2.getTextSize(text, _FONT, self.font_scale, self._stroke)
+        size = height + baseline + 2 * self._rim, self.width_of(text)
+        origin = self._rim, height + self._rim
+        patch = np.zeros(size, dtype=np.uint8)
+        cv2.putText(patch, text, origin, _FONT, self.font_scale, 255, self._stroke, cv2.LINE_AA)
+        return patch
+
+    @property
+    def _stroke(self) -> int:
+        """Width of the strokes; letters are thinner than the lines of boxes."""
+        return max(1, round(self.thickness / 2))
+
+    @property
+    def _rim(self) -> int:
+        """Width of the dark outline."""
+        return max(1, self.thickness // 2)
+
+
+def _blend(part: Image, share: NDArray[Any], color: _Color) -> None:
+    """Blend the color into a part of an image, weighted by `share` (0..255)."""
+    weight = share[..., None].astype(np.float32) / 255
+    part[:] = np.round(part * (1 - weight) + weight * np.array(color, np.float32))

@@ -1,8 +1,8 @@
-"""`Frame` and `Source`: pictures in the order of time, whatever they come from."""
+"""`Frame` and `Source`: images in the order of time, from any kind of input."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -16,28 +16,32 @@ from ssiam.geometry import Image
 if TYPE_CHECKING:
     from ssiam.video.sound import Sound
 
-Picture: TypeAlias = tuple[float | None, Image]
-Pictures: TypeAlias = Generator[Picture, None, None]
-# As decoded: (H, W) or (H, W, 3), of any depth.
-DeepPicture: TypeAlias = tuple[float | None, NDArray[Any]]
-DeepPictures: TypeAlias = Generator[DeepPicture, None, None]
+TimedImage: TypeAlias = tuple[float | None, Image]
+"""Seconds since the first frame, None if unknown, and the image, (H, W, 3) uint8 BGR."""
+
+TimedImages: TypeAlias = Generator[TimedImage, None, None]
+
+DecodedImage: TypeAlias = tuple[float | None, NDArray[Any]]
+"""As `TimedImage`, but with the image as decoded: (H, W) or (H, W, 3), any bit depth."""
+
+DecodedImages: TypeAlias = Generator[DecodedImage, None, None]
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture of a source.
+    """One image of a source.
 
     Threads: a value; any number of threads may share it.
 
     Attributes
     ----------
     index : int
-        Number of the frame, from 0, counted over the frames that were delivered.
+        Frame number, from 0, counted over the delivered frames.
     time : float or None
-        Seconds since the first frame; None where the source tells no times.
+        Seconds since the first frame; None if the source has no timestamps.
     image : (H, W, 3) uint8
-        BGR, upright: the turn and the mirroring that phones note in their files are applied.
-        More than 8 bits are stretched to 8 by one rule for the whole source.
+        BGR, upright: rotation and mirroring noted in the file's metadata are applied. Images of
+        more than 8 bits are scaled to 8 bits with one pair of levels for the whole source.
     """
 
     index: int
@@ -46,23 +50,23 @@ class Frame:
 
 
 @dataclass
-class SourceFacts:
-    """What a source says about itself beside its frames; the counts grow while it is read.
+class SourceInfo:
+    """Metadata of a source; the counts grow while it is read.
 
     Attributes
     ----------
     is_variable : bool
-        The times of the frames are no multiples of ``1 / fps``: variable rate, or arrival.
+        Frame times are not multiples of ``1 / fps``: variable frame rate, or times of arrival.
     is_rate_known : bool
-        False where the source tells no frame rate and `Source.fps` is an assumption.
+        False if the source gives no frame rate, so that `Source.fps` is an assumption.
     pixel_aspect : Fraction
-        Width of a pixel by its height, as it is to be displayed.
+        Width of a pixel divided by its height, for display.
     sound : Sound or None
-        Its sound, where it has any and was opened with it.
+        The audio streams, if there are any and the source was opened with sound.
     undecoded : int
-        Frames so far that could not be decoded and were left out.
-    remarks : list of str
-        One line each for the user: what was assumed.
+        Number of frames so far that could not be decoded and were skipped.
+    notes : list of str
+        Assumptions made while reading, one line each, to show to the user.
     """
 
     is_variable: bool = False
@@ -70,57 +74,57 @@ class SourceFacts:
     pixel_aspect: Fraction = Fraction(1)
     sound: Sound | None = None
     undecoded: int = 0
-    remarks: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
 
 class Source(NotCopied):
-    """Iterator of `Frame`; a context manager that lets go of the file, camera or connection.
+    """Iterator of `Frame`; a context manager that releases the file, camera or connection.
 
     Threads: one thread at a time.
 
-    It is read once, from front to back, and holds no more than a few frames at a time. Made by
-    `open_source`; opening decodes the first frame, so that what cannot be read fails there.
+    A source is read once, from front to back, and holds only a few frames at a time. Made by
+    `open_source`; opening decodes the first frame, so that unreadable input fails there.
 
     Attributes
     ----------
     name : str
-        The source as messages call it; never holds a password.
+        Name of the source in messages; never contains a password.
     fps : Fraction
-        Frames a second, exact (30000/1001 stays what it is). With variable frame rate what
-        the source announces, mostly the average; the truth is in `Frame.time`.
+        Frames per second, exact (30000/1001 is kept). For a variable frame rate the announced
+        rate, usually the average; `Frame.time` has the actual times.
     length : int or None
-        Number of frames as the source announces it, for progress bars; None where it does not.
+        Announced number of frames, for progress bars; None if the source gives none.
     size_wh : (int, int)
         Width and height of every frame, pixels.
-    facts : SourceFacts
-        What else it says about itself, and what was lost so far.
+    info : SourceInfo
+        Further metadata, and the number of frames skipped so far.
 
     Raises
     ------
     StreamError
         While iterating: the source broke off. All frames before were delivered.
     FrameSizeError
-        While iterating: a frame has another size than those before it.
+        While iterating: a frame differs in size from those before it.
     """
 
     def __init__(
         self,
         name: str,
-        pictures: Pictures,
+        images: TimedImages,
         *,
         fps: Fraction,
         length: int | None,
-        facts: SourceFacts | None = None,
+        info: SourceInfo | None = None,
     ) -> None:
-        first = next(pictures, None)
+        first = next(images, None)
         if first is None:
             raise SourceError(f"{name}: no frame in it can be decoded; is it damaged or truncated?")
         self.name = name
         self.fps = fps
         self.length = length
-        self.facts = facts or SourceFacts()
+        self.info = info or SourceInfo()
         self.size_wh = _size_wh(first[1])
-        self._pictures = pictures
+        self._images = images
         self._frames = self._numbered(first)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -136,15 +140,15 @@ class Source(NotCopied):
         self.close()
 
     def close(self) -> None:
-        """Let go of the input; iteration is over afterwards. May be called twice."""
+        """Release the input and end the iteration. May be called twice."""
         self._frames.close()
-        self._pictures.close()
+        self._images.close()
 
-    def _numbered(self, first: Picture) -> Generator[Frame, None, None]:
+    def _numbered(self, first: TimedImage) -> Generator[Frame, None, None]:
         yield Frame(0, *first)
-        # The first picture would otherwise stay in memory as long as the source.
+        # Otherwise the first image would stay in memory as long as the source.
         del first
-        for index, (time, image) in enumerate(self._pictures, start=1):
+        for index, (time, image) in enumerate(self._images, start=1):
             if _size_wh(image) != self.size_wh:
                 raise FrameSizeError(_size_message(self.name, index, self.size_wh, image))
             yield Frame(index, time, image)
@@ -159,5 +163,23 @@ def _size_message(name: str, index: int, size_wh: tuple[int, int], image: Image)
     width, height = _size_wh(image)
     return (
         f"{name}: frame {index} (from 0) is {width}x{height} pixels, the frames before it "
-        f"{size_wh[0]}x{size_wh[1]}; split the source there or bring it to one size"
+        f"{size_wh[0]}x{size_wh[1]}; split the source there or scale it to one size"
     )
+
+
+def with_following(frames: Iterable[Frame]) -> Iterator[tuple[Frame, Frame | None]]:
+    """Pair each frame with the next one; the last frame is paired with None.
+
+    If reading the next frame fails, the current frame is yielded with None before the error is
+    raised. Frames are delayed by one, so this is meant for files, not for cameras.
+    """
+    upcoming = iter(frames)
+    current = next(upcoming, None)
+    while current is not None:
+        try:
+            following = next(upcoming, None)
+        except Exception:
+            yield current, None
+            raise
+        yield current, following
+        current = following

@@ -1,9 +1,11 @@
-"""Image files: every page and every frame in them, in the depth that they have."""
+"""Image files and folders of them: every page and frame, at its full depth."""
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -12,41 +14,123 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-# Color where there is any, all bits, turned as EXIF says.
-_AS_IT_IS = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
-# OpenCV makes no color of floating-point TIFF.
-_TIFF_AS_IT_IS = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
-_TIFF_SUFFIXES = (".tif", ".tiff")
+from ssiam.errors import SourceError, StreamError
+from ssiam.video.frames import DecodedImages, Source, SourceInfo
+from ssiam.video.levels import Levels, convert_to_8bit
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+
+# Frames per second of images that carry no times.
+_DEFAULT_FPS = Fraction(30)
+# Color where there is any, all bits, rotated according to EXIF.
+_UNCHANGED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+# OpenCV does not convert floating-point TIFF to color.
+_TIFF_UNCHANGED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
 _TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ANIMATION_FLAG = 0x02  # of the byte after "VP8X" and its size, in WebP
-# Pages that are decoded at a time: OpenCV walks over those before them each time.
+# Pages decoded at a time: OpenCV walks over those before them each time.
 _CHUNK = 16
-# Milliseconds of a frame whose duration is not told, as browsers take it.
-_UNTOLD_MS = 100
+# Milliseconds of a frame without a duration, as in browsers.
+_DEFAULT_DURATION_MS = 100
 
 
 class UnreadableImage(Exception):
     """An image file that cannot be read, or not to its end."""
 
 
+def open_folder(folder: Path, fps: Fraction = _DEFAULT_FPS, levels: Levels | None = None) -> Source:
+    """`Source` of the images in `folder`, in natural order (2.jpg before 10.jpg).
+
+    Other files are ignored. A file with several pages or frames yields all of them. Images
+    without a duration get ``time = index / fps``.
+    """
+    paths = image_paths(folder)
+    if not paths:
+        raise SourceError(f"{folder}: {_empty_folder_advice(folder)}")
+    length = sum(map(_frames_in, paths))
+    info = SourceInfo()
+    decoded = _images(str(folder), paths, fps, length)
+    images = convert_to_8bit(str(folder), decoded, info, levels)
+    return Source(str(folder), images, fps=fps, length=length, info=info)
+
+
+def open_stack(path: Path, levels: Levels | None = None) -> Source:
+    """`Source` of the pages of a TIFF (``time = index / 30``) or the frames of an animated WebP."""
+    name, length, file_fps = str(path), _frames_in(path), _file_fps(path)
+    fps = file_fps or _DEFAULT_FPS
+    info = SourceInfo(is_variable=file_fps is not None)
+    images = convert_to_8bit(name, _images(name, [path], fps, length), info, levels)
+    return Source(name, images, fps=fps, length=length, info=info)
+
+
+def image_paths(folder: Path) -> list[Path]:
+    """Images of a folder in natural order, without hidden files and sub-folders."""
+    found = (
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+    )
+    return sorted((path for path in found if path.is_file()), key=_natural_key)
+
+
+def _natural_key(path: Path) -> tuple[list[tuple[int, str]], str]:
+    parts = re.findall(r"[0-9]+|[^0-9]+", path.name.lower())
+    numbered = [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    return numbered, path.name
+
+
+def _images(name: str, paths: list[Path], fps: Fraction, length: int) -> DecodedImages:
+    """Every frame of every file, timed by its duration if the file has one, else by `fps`."""
+    delivered, time = 0, Fraction(0)
+    for path in paths:
+        try:
+            for duration, image in read_pages(path):
+                yield float(time), image
+                delivered += 1
+                time += duration or 1 / fps
+        except UnreadableImage:
+            if not delivered:
+                raise SourceError(
+                    f"{path}: cannot be read as an image; replace or remove it"
+                ) from None
+            raise StreamError(
+                f"{name}: broke off after {delivered} of {length} frames: {path.name} "
+                "cannot be read as an image; replace or remove it"
+            ) from None
+
+
+def _file_fps(path: Path) -> Fraction | None:
+    """Frames per second from the first frame's duration; None if it has none."""
+    with suppress(UnreadableImage):
+        duration, _ = next(read_pages(path))
+        return 1 / duration if duration else None
+    return None
+
+
+def _frames_in(path: Path) -> int:
+    try:
+        return _page_count(path)
+    except OSError:
+        return 1
+
+
+def _empty_folder_advice(folder: Path) -> str:
+    kinds = " ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
+    inside = next((d for d in sorted(folder.iterdir()) if d.is_dir() and image_paths(d)), None)
+    if inside is not None:
+        return f"holds no images itself; did you mean {inside}?"
+    return f"holds no images ({kinds}); give the folder that holds the frames"
+
+
 def is_stack(head: bytes) -> bool:
-    """Whether a file that begins with these 32 bytes is one that `read_pages` has to read."""
+    """Whether a file with these first 32 bytes is a TIFF or an animated WebP."""
     return head[:4] in _TIFF_MAGIC or _is_animated_webp(head)
 
 
-def page_count(path: Path) -> int:
-    """Frames that an image file holds, by its header; at least 1."""
-    with path.open("rb") as file:
-        head = file.read(32)
-        if head[:4] in _TIFF_MAGIC:
-            return max(1, _tiff_pages(file, head))
-    return max(1, cv2.imcount(str(path))) if _is_animated_webp(head) else 1
-
-
 def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
-    """Seconds that each frame of an image file is shown (None: not told), and the frame.
+    """Display duration (seconds, None if unknown) and pixels of each frame of an image file.
 
-    Frames are (H, W) or (H, W, 3), BGR. The file is read whole.
+    Frames are (H, W) or (H, W, 3) BGR, of any bit depth. The file is loaded completely.
 
     Raises
     ------
@@ -54,9 +138,9 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
         At the first frame that cannot be read.
     """
     try:
-        count = page_count(path)
-        # Not `cv2.imread`, which fails on non-Latin paths under Windows. Nor a map of the file: if
-        # another program cuts it meanwhile, the system ends this process (SIGBUS).
+        count = _page_count(path)
+        # Not `cv2.imread`, which fails on non-Latin paths under Windows. No memory map either: if
+        # another program truncates the file meanwhile, the system ends this process (SIGBUS).
         data = np.fromfile(path, dtype=np.uint8)
         head = data[:32].tobytes()
         if head[:4] in _TIFF_MAGIC:
@@ -69,19 +153,28 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
         raise UnreadableImage(path) from error
 
 
+def _page_count(path: Path) -> int:
+    """Number of frames in an image file, according to its header; at least 1."""
+    with path.open("rb") as file:
+        head = file.read(32)
+        if head[:4] in _TIFF_MAGIC:
+            return max(1, _tiff_pages(file, head))
+    return max(1, cv2.imcount(str(path))) if _is_animated_webp(head) else 1
+
+
 def _decoded(data: NDArray[np.uint8]) -> NDArray[Any]:
-    image: NDArray[Any] | None = cv2.imdecode(data, _AS_IT_IS)
+    image: NDArray[Any] | None = cv2.imdecode(data, _UNCHANGED)
     if image is None:
         raise UnreadableImage
     return image
 
 
 def _tiff(data: NDArray[np.uint8], count: int) -> Iterator[NDArray[Any]]:
-    """Pages; not those smaller than the first, which are previews of it."""
+    """Pages, except those smaller than the first, which are its previews."""
     first: tuple[int, ...] | None = None
     for start in range(0, count, _CHUNK):
         stop = min(start + _CHUNK, count)
-        _, pages = cv2.imdecodemulti(data, _TIFF_AS_IT_IS, range=(start, stop))
+        _, pages = cv2.imdecodemulti(data, _TIFF_UNCHANGED, range=(start, stop))
         for page in pages:
             first = first or page.shape
             if page.shape[0] >= first[0] or page.shape[1] >= first[1]:
@@ -96,7 +189,7 @@ def _animation(data: NDArray[np.uint8], count: int) -> Iterator[tuple[Fraction, 
         _, animation = cv2.imdecodeanimation(data, start, wanted)
         for frame, milliseconds in zip(animation.frames, animation.durations, strict=False):
             yield (
-                Fraction(int(milliseconds) or _UNTOLD_MS, 1000),
+                Fraction(int(milliseconds) or _DEFAULT_DURATION_MS, 1000),
                 np.ascontiguousarray(frame[..., :3]),
             )
         if len(animation.frames) < wanted:
@@ -109,21 +202,21 @@ def _is_animated_webp(head: bytes) -> bool:
 
 
 def _tiff_pages(file: BinaryIO, head: bytes) -> int:
-    """Directories in a TIFF (or BigTIFF), one that is announced and not there included."""
+    """Number of directories in a TIFF (or BigTIFF), including an announced one that is missing."""
     order = "<" if head[:2] == b"II" else ">"
     is_big = head[2:4] in (b"+\0", b"\0+")
-    count_of, entry, offset_of = ("Q", 20, "Q") if is_big else ("H", 12, "I")
-    (place,) = struct.unpack_from(order + offset_of, head, 8 if is_big else 4)
+    count_format, entry_size, offset_format = ("Q", 20, "Q") if is_big else ("H", 12, "I")
+    (offset,) = struct.unpack_from(order + offset_format, head, 8 if is_big else 4)
     seen: set[int] = set()
-    while place and place not in seen:
-        seen.add(place)
-        file.seek(place)
-        counted = file.read(struct.calcsize(order + count_of))
-        if len(counted) < struct.calcsize(order + count_of):
+    while offset and offset not in seen:
+        seen.add(offset)
+        file.seek(offset)
+        counted = file.read(struct.calcsize(order + count_format))
+        if len(counted) < struct.calcsize(order + count_format):
             break
-        file.seek(struct.unpack(order + count_of, counted)[0] * entry, 1)
-        following = file.read(struct.calcsize(order + offset_of))
-        if len(following) < struct.calcsize(order + offset_of):
+        file.seek(struct.unpack(order + count_format, counted)[0] * entry_size, 1)
+        following = file.read(struct.calcsize(order + offset_format))
+        if len(following) < struct.calcsize(order + offset_format):
             break
-        (place,) = struct.unpack(order + offset_of, following)
+        (offset,) = struct.unpack(order + offset_format, following)
     return len(seen)

@@ -1,8 +1,8 @@
-"""`Levels`: values of more than 8 bits, as of thermal cameras, shown in 8 by one rule.
+"""`Levels`: more than 8 bits per value, as of thermal cameras, scaled to 8 bits.
 
-The high byte of a 16-bit value tells next to nothing where a scene fills a small part of the
-range. One stretch holds for the whole sequence: with one for each frame a target would change its
-brightness whenever something hot comes into view.
+The high byte of a 16-bit value holds almost no information where a scene fills a small part of
+the range. One pair of levels holds for the whole sequence: with levels per frame, a target would
+change its brightness whenever something hot comes into view.
 """
 
 from __future__ import annotations
@@ -19,24 +19,30 @@ from numpy.typing import NDArray
 
 from ssiam.errors import ArgumentError, SourceError
 from ssiam.geometry import Image
-from ssiam.video.frames import DeepPicture, DeepPictures, Picture, Pictures, SourceFacts
+from ssiam.video.frames import (
+    DecodedImage,
+    DecodedImages,
+    SourceInfo,
+    TimedImage,
+    TimedImages,
+)
 
-# Frames of a recording that the levels are taken from; of live sources the first.
+# Frames from which the levels of a recording are estimated; live sources use the first one.
 LEVEL_FRAMES = 8
-# Percentiles that count as darkest and brightest, and the share of the range between them that is
-# left free on both sides, for what comes later.
+# Percentiles taken as darkest and brightest value, and the share of the range between them that
+# is added on both sides for later frames.
 _LOW_PERCENT, _HIGH_PERCENT, _MARGIN = 0.1, 99.9, 0.05
-# Pixels of a frame that are looked at, about.
+# Approximate number of pixels sampled from a frame.
 _SAMPLES = 20_000
-# Whole values; a frame with fewer between its percentiles shows nothing, as a closed shutter.
+# Integer values; with fewer between its percentiles a frame has no content (a closed shutter).
 _LEAST_RANGE = 8
-# What a frame that shows nothing becomes.
-_NOTHING = 128
+# Gray value of frames without content.
+_MID_GRAY = 128
 
 
 @dataclass(frozen=True)
 class Levels:
-    """The values that become 0 and 255; `ArgumentError` if there is nothing between them."""
+    """The values that become 0 and 255; `ArgumentError` unless ``low < high``, both finite."""
 
     low: float
     high: float
@@ -48,8 +54,8 @@ class Levels:
                 "such as 7000,8500"
             )
 
-    def applied(self, image: NDArray[Any]) -> Image:
-        """(H, W, 3) uint8 BGR of a (H, W) or (H, W, 3) image of any depth; 8 bits stay."""
+    def apply(self, image: NDArray[Any]) -> Image:
+        """(H, W, 3) uint8 BGR of a (H, W) or (H, W, 3) image of any depth; uint8 is kept."""
         if image.dtype != np.uint8:
             image = self._stretched(image)
         return np.asarray(
@@ -67,21 +73,25 @@ class Levels:
         return np.asarray(np.clip(np.nan_to_num(shares) + 0.5, 0, 255), dtype=np.uint8)
 
 
-def in_eight_bits(image: NDArray[Any], levels: Levels | None) -> Image:
-    """(H, W, 3) uint8 BGR; mid-gray if the image is deeper and there are no levels for it."""
+# For images of 8 bits, which `Levels.apply` does not scale.
+_UNUSED_LEVELS = Levels(0, 255)
+
+
+def to_8bit(image: NDArray[Any], levels: Levels | None) -> Image:
+    """(H, W, 3) uint8 BGR; mid-gray if the image has more than 8 bits and `levels` is None."""
     if levels is None and image.dtype != np.uint8:
-        return np.full((*image.shape[:2], 3), _NOTHING, np.uint8)
-    return (levels or _ANY).applied(image)
+        return np.full((*image.shape[:2], 3), _MID_GRAY, np.uint8)
+    return (levels or _UNUSED_LEVELS).apply(image)
 
 
-def levels_of(images: Iterable[NDArray[Any]]) -> Levels | None:
-    """Levels for a sequence that begins with `images`; None if all of them show nothing.
+def find_levels(images: Iterable[NDArray[Any]]) -> Levels | None:
+    """Levels for a sequence that begins with `images`; None if none of them has content.
 
-    Those of 8 bits do not count, nor those that show nothing.
+    Images of 8 bits and images without content are ignored.
     """
-    sampled = [_sampled(image) for image in images if image.dtype != np.uint8]
-    shown = [samples for samples in sampled if _range_of(samples) is not None]
-    found = _range_of(np.concatenate(shown)) if shown else None
+    sampled = [_samples(image) for image in images if image.dtype != np.uint8]
+    with_content = [samples for samples in sampled if _range_of(samples) is not None]
+    found = _range_of(np.concatenate(with_content)) if with_content else None
     if found is None:
         return None
     low, high = found
@@ -90,78 +100,80 @@ def levels_of(images: Iterable[NDArray[Any]]) -> Levels | None:
 
 
 def _range_of(samples: NDArray[Any]) -> tuple[float, float] | None:
-    """Darkest and brightest of some values, without outliers; None if they are as good as one."""
+    """Darkest and brightest value without outliers; None if they hardly differ."""
     if not samples.size:
         return None
     low, high = (float(value) for value in np.percentile(samples, (_LOW_PERCENT, _HIGH_PERCENT)))
     is_whole = np.issubdtype(samples.dtype, np.integer)
-    shows_nothing = high - low < _LEAST_RANGE if is_whole else high <= low
-    return None if shows_nothing else (low, high)
+    is_flat = high - low < _LEAST_RANGE if is_whole else high <= low
+    return None if is_flat else (low, high)
 
 
-def _sampled(image: NDArray[Any]) -> NDArray[Any]:
+def _samples(image: NDArray[Any]) -> NDArray[Any]:
     step = max(1, math.isqrt(image.shape[0] * image.shape[1] // _SAMPLES))
     values = image[::step, ::step].ravel()
     return np.asarray(values[np.isfinite(values)])
 
 
-def eight_bit(
+def convert_to_8bit(
     name: str,
-    pictures: DeepPictures,
-    facts: SourceFacts,
+    images: DecodedImages,
+    info: SourceInfo,
     levels: Levels | None = None,
     frames: int = LEVEL_FRAMES,
-) -> Pictures:
-    """The pictures in 8 bits; without `levels` they are taken from the first `frames` deep ones.
+) -> TimedImages:
+    """The images of a source in 8 bits.
 
-    Frames that show nothing are mid-gray until one comes from which levels can be taken.
+    Without `levels` they are estimated from the first `frames` images of more than 8 bits. Images
+    without content are mid-gray until levels can be estimated.
+
+    Raises
+    ------
+    SourceError
+        `levels` are given for images of 8 bits.
     """
-    stretch = _Stretch(facts, levels, frames)
-    with closing(pictures):
+    buffer = _LevelBuffer(info, levels, frames)
+    with closing(images):
         try:
-            for time, image in pictures:
+            for time, image in images:
                 if levels is not None and image.dtype == np.uint8:
                     raise SourceError(
-                        f"{name}: has 8 bits a value already; leave out the levels "
+                        f"{name}: has 8 bits per value already; omit the levels "
                         f"{levels.low:g},{levels.high:g}"
                     )
-                yield from stretch.taken((time, image))
+                yield from buffer.add((time, image))
         except Exception:
-            yield from stretch.rest()
+            yield from buffer.flush()
             raise
-        yield from stretch.rest()
+        yield from buffer.flush()
 
 
-class _Stretch:
-    """Holds deep pictures back until their levels are known."""
+class _LevelBuffer:
+    """Holds images of more than 8 bits until their levels are known."""
 
-    def __init__(self, facts: SourceFacts, levels: Levels | None, frames: int) -> None:
-        self._facts = facts
+    def __init__(self, info: SourceInfo, levels: Levels | None, frames: int) -> None:
+        self._info = info
         self._levels = levels
         self._frames = frames
-        self._held: list[DeepPicture] = []
+        self._held: list[DecodedImage] = []
 
-    def taken(self, picture: DeepPicture) -> list[Picture]:
-        """The pictures that are ready with this one."""
-        time, image = picture
-        if self._levels is not None or (image.dtype == np.uint8 and not self._held):
-            return [(time, in_eight_bits(image, self._levels))]
-        self._held.append(picture)
-        return self.rest() if len(self._held) >= self._frames else []
+    def add(self, image: DecodedImage) -> list[TimedImage]:
+        """Add an image; returns the converted images that are ready."""
+        time, pixels = image
+        if self._levels is not None or (pixels.dtype == np.uint8 and not self._held):
+            return [(time, to_8bit(pixels, self._levels))]
+        self._held.append(image)
+        return self.flush() if len(self._held) >= self._frames else []
 
-    def rest(self) -> list[Picture]:
-        """The pictures held back."""
+    def flush(self) -> list[TimedImage]:
+        """Convert and return the images held back."""
         held, self._held = self._held, []
         if not held:
             return []
-        self._levels = levels_of(image for _, image in held)
+        self._levels = find_levels(image for _, image in held)
         if self._levels is not None:
-            shown = f"{self._levels.low:.5g},{self._levels.high:.5g}"
-            self._facts.remarks.append(
-                f"has more than 8 bits a value: shown as with --levels {shown}"
+            option = f"{self._levels.low:.5g},{self._levels.high:.5g}"
+            self._info.notes.append(
+                f"has more than 8 bits per value: scaled as with --levels {option}"
             )
-        return [(time, in_eight_bits(image, self._levels)) for time, image in held]
-
-
-# For images that have 8 bits.
-_ANY = Levels(0, 255)
+        return [(time, to_8bit(image, self._levels)) for time, image in held]

@@ -1,4 +1,4 @@
-"""`PathPlot`: the camera's path and its steadying as a picture (Fig. 3 and 4 of the paper)."""
+"""`PathPlot`: camera path and stabilization as a figure (Fig. 3 and 4 of the paper)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ssiam.outputs import ClosedAtExit, check_output, replaced
 from ssiam.stabilize import CameraPath
 from ssiam.track import Track
 
-_RAW, _SMOOTH, _UNSURE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
+_RAW, _SMOOTH, _UNRELIABLE = "#e8710a", "#1a73e8", "#d9d9d9"  # orange and blue as in Fig. 3
 _AXES = (
     ("dx", "px, right", 1.0),
     ("dy", "px, down", 1.0),
@@ -26,28 +26,28 @@ _AXES = (
 
 
 class PathPlot(NotCopied, ClosedAtExit):
-    """Collects the camera's motion while tracking, and draws it when closed.
+    """Collects the camera motion while tracking and plots it when closed.
 
     Threads: one thread at a time.
 
-    Left column: the camera's path, raw and smoothed (Fig. 3). Right column: what was done to each
-    frame, after the limits of eq. 6 (Fig. 4). Grey: frames whose motion could not be told.
+    Left column: the camera path, raw and smoothed (Fig. 3). Right column: the correction of each
+    frame, after the limits of eq. 6 (Fig. 4). Gray: frames whose motion is unreliable.
 
     Parameters
     ----------
     path : Path
-        The picture to write; its suffix (.png, .svg, .pdf) says how.
+        The image file; its suffix (.png, .svg, .pdf) selects the format.
     window : int
-        Frames of the moving average.
+        Length of the moving average, frames.
     overwrite : bool
-        Whether a file of that name may be replaced; it is when the new one is whole.
+        Whether an existing file may be replaced; it is kept until the new one is complete.
 
     Raises
     ------
     MissingExtraError
         matplotlib is not installed.
     SinkError
-        The picture cannot be written, or exists and is not to be replaced.
+        The file cannot be written, or exists and `overwrite` is False.
     """
 
     def __init__(self, path: Path, window: int, *, overwrite: bool = True) -> None:
@@ -63,7 +63,7 @@ class PathPlot(NotCopied, ClosedAtExit):
         self._rows: list[tuple[float, ...]] = []
 
     def write(self, track: Track) -> None:
-        """Take note of one frame's motion and steadying; frames without them are left out."""
+        """Record the motion and stabilization of one frame; frames without them are ignored."""
         if track.motion is None or track.stab_from_raw is None:
             return
         motion = track.motion
@@ -76,17 +76,17 @@ class PathPlot(NotCopied, ClosedAtExit):
 
     @property
     def location(self) -> Path | None:
-        """The image file; None until it is drawn."""
+        """The image file; None until it is written."""
         return self._path if self._written else None
 
     def close(self) -> None:
-        """Draw what was noted, if there is anything. May be called twice."""
+        """Plot the recorded frames, if there are any. May be called twice."""
         if self._rows:
             self._draw(np.array(self._rows))
             self._rows, self._written = [], True
 
     def abandon(self) -> None:
-        """Draw nothing."""
+        """Discard the recorded frames."""
         self._rows = []
 
     def _draw(self, rows: NDArray[np.float64]) -> None:
@@ -97,7 +97,7 @@ class PathPlot(NotCopied, ClosedAtExit):
         FigureCanvasAgg(figure)
         motions, differences, corrections = rows[:, :3], rows[:, 3:6], rows[:, 6:9]
         paths = motions.cumsum(axis=0)
-        unsure = np.flatnonzero(rows[:, 9] == 0)
+        unreliable = np.flatnonzero(rows[:, 9] == 0)
         panels = figure.subplots(3, 2, sharex=True, squeeze=False)
         for axis, (name, unit, factor) in enumerate(_AXES):
             left, right = panels[axis]
@@ -107,29 +107,29 @@ class PathPlot(NotCopied, ClosedAtExit):
             left.set_ylabel(f"{name}  ({unit})")
             right.plot(factor * corrections[:, axis], color=_SMOOTH, lw=1.2)
             for panel in (left, right):
-                _style(panel, unsure)
+                _style(panel, unreliable)
         panels[0, 0].legend(loc="best", frameon=False, fontsize=9)
-        panels[0, 0].set_title("Path of the camera (Fig. 3)", loc="left", fontsize=11)
-        panels[0, 1].set_title("Steadying of each frame (Fig. 4)", loc="left", fontsize=11)
+        panels[0, 0].set_title("Camera path (Fig. 3)", loc="left", fontsize=11)
+        panels[0, 1].set_title("Correction of each frame (Fig. 4)", loc="left", fontsize=11)
         for panel in panels[2]:
             panel.set_xlabel("frame")
         self._save(figure)
 
     def _save(self, figure: Any) -> None:
-        kind = self._path.suffix.lower()[1:]
+        file_format = self._path.suffix.lower()[1:]
         with replaced(self._path, "wb", overwrite=self._overwrite) as file:
-            figure.savefig(file, dpi=130, format=kind)
+            figure.savefig(file, dpi=130, format=file_format)
 
 
 def _correction(track: Track, motion: Motion) -> tuple[float, ...]:
-    """(dx', dy', da') of the steadying and 1.0 or 0.0 for a reliable motion."""
+    """(dx', dy', da') of the correction, and 1.0 if the motion is reliable, else 0.0."""
     assert track.stab_from_raw is not None
     shift_angle = rigid_parameters(track.stab_from_raw, frame_centre(motion.size_wh))
     return (*shift_angle, float(motion.reliable))
 
 
-def _style(panel: Any, unsure: NDArray[np.intp]) -> None:
-    for frame in unsure:
-        panel.axvspan(frame - 0.5, frame + 0.5, color=_UNSURE, lw=0, zorder=0)
+def _style(panel: Any, unreliable: NDArray[np.intp]) -> None:
+    for frame in unreliable:
+        panel.axvspan(frame - 0.5, frame + 0.5, color=_UNRELIABLE, lw=0, zorder=0)
     panel.grid(alpha=0.25)
     panel.spines[["top", "right"]].set_visible(False)

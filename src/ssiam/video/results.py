@@ -1,59 +1,86 @@
-"""`open_results`: tracks into text files, line by line."""
+"""`open_results`: tracks as text files, one line per target and frame."""
 
 from __future__ import annotations
 
 import errno
+import json
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from ssiam.copying import NotCopied
 from ssiam.errors import SinkError
 from ssiam.outputs import ClosedAtExit, Part, check_output
 from ssiam.track import Track
-from ssiam.video.layouts import LAYOUTS, Layout, Row
 
-TEXT_LAYOUTS = ("otb", "vot", "mot")
+COLUMNS = (
+    *("frame", "time", "target", "x", "y", "w", "h", "score", "lost"),
+    *("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4"),
+    *("dx", "dy", "angle_rad", "inliers", "reliable"),
+)
+"""Columns of .csv and keys of .jsonl.
 
-_BY_SUFFIX = {".csv": "csv", ".jsonl": "jsonl", ".txt": TEXT_LAYOUTS[0]}
+Pixels, 0-based; seconds; radians. `dx`, `dy` and `angle_rad` are the camera motion since the
+previous frame, at the image center; `inliers` is the share of points that agree with it.
+"""
+
+# Decimals: a thousandth of a pixel, a microsecond, a microradian.
+_PIXEL_DECIMALS, _SCORE_DECIMALS, _FINE_DECIMALS = 3, 4, 6
+_TEXT_LAYOUTS = ("otb", "vot", "mot")
+_BY_SUFFIX = {".csv": "csv", ".jsonl": "jsonl", ".txt": _TEXT_LAYOUTS[0]}
+
+_Value: TypeAlias = float | int | bool | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One target in one frame: `frame` from 0, `time` in seconds or None, `target` from 1."""
+
+    frame: int
+    time: float | None
+    target: int
+    track: Track
 
 
 def open_results(
     path: str | Path, *, layout: str | None = None, targets: int = 1, overwrite: bool = True
 ) -> ResultSink:
-    """A sink that writes the tracks of `targets` targets to `path`.
+    """Open a sink that writes the tracks of `targets` targets to `path`.
 
     Parameters
     ----------
     path : str or Path
-        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``. Pixels are 0-based
-        and frames are counted from 0, targets from 1, unless the layout says otherwise.
+        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``. Pixels are 0-based,
+        frames count from 0 and targets from 1, unless the layout differs.
     layout : "otb", "vot", "mot" or None
-        Of a ``.txt``; None means "otb". otb: ``x,y,w,h``, 1-based. vot: ``x,y,w,h`` or four
-        corners, 0-based, after a first line ``1``. mot: all targets in one file, 1-based.
+        Layout of a ``.txt``; None means "otb". otb: ``x,y,w,h``, 1-based. vot: ``x,y,w,h`` or
+        four corners, 0-based, after a first line ``1``. mot: all targets in one file, 1-based.
     targets : int
-        How many targets every `ResultSink.write` brings. otb and vot hold one target a file:
+        Number of tracks passed to every `ResultSink.write`. otb and vot hold one target per file:
         for several, ``name.txt`` becomes ``name_1.txt``, ``name_2.txt``, ...
     overwrite : bool
-        Whether files of these names may be replaced.
+        Whether existing files may be replaced.
 
     Raises
     ------
     SinkError
-        If a file cannot be written, or exists and is not to be replaced, or for an unknown kind
-        of file or layout.
+        A file cannot be written, or exists and `overwrite` is False, or the kind of file or the
+        layout is unknown.
     """
     paths = result_paths(path, layout=layout, targets=targets)
-    chosen = LAYOUTS[_layout_name(Path(path), layout)]
+    chosen = _LAYOUTS[_layout_name(Path(path), layout)]
     return ResultSink(paths, chosen, targets, overwrite=overwrite)
 
 
 def result_paths(
     path: str | Path, *, layout: str | None = None, targets: int = 1
 ) -> tuple[Path, ...]:
-    """The files that `open_results` writes with the same arguments; `SinkError` as it."""
-    path, chosen = Path(path), LAYOUTS[_layout_name(Path(path), layout)]
+    """The files that `open_results` writes for the same arguments; raises the same `SinkError`."""
+    path, chosen = Path(path), _LAYOUTS[_layout_name(Path(path), layout)]
     if targets < 1:
         raise ValueError(f"targets is {targets}; there must be at least 1")
     if targets == 1 or not chosen.one_target:
@@ -68,24 +95,24 @@ def _layout_name(path: Path, layout: str | None) -> str:
         raise SinkError(f"{path}: unknown kind of results; name it with one of {known}")
     if layout is None or layout == by_suffix:
         return by_suffix
-    if path.suffix.lower() != ".txt" or layout not in TEXT_LAYOUTS:
-        known = ", ".join(TEXT_LAYOUTS)
+    if path.suffix.lower() != ".txt" or layout not in _TEXT_LAYOUTS:
+        known = ", ".join(_TEXT_LAYOUTS)
         raise SinkError(f"{path}: no layout {layout!r} for it; .txt files have one of {known}")
     return layout
 
 
 class ResultSink(NotCopied, ClosedAtExit):
-    """Writes tracks as lines; a context manager. Made by `open_results`.
+    """Writes tracks as lines of text; a context manager. Made by `open_results`.
 
     Threads: one thread at a time.
 
-    Every line is written whole and at once to ``NAME.part.EXT``, which `close` renames, also after
-    Ctrl-C or an exception: a run that is interrupted or killed leaves complete lines. If the
-    program is killed or the disk is full the part stays.
+    Every line is written at once and completely to ``NAME.part.EXT``, which `close` renames, also
+    after Ctrl-C or an exception: an interrupted or killed run leaves complete lines. If the
+    program is killed or the disk is full the part remains.
     """
 
     def __init__(
-        self, paths: Sequence[Path], layout: Layout, targets: int, *, overwrite: bool = True
+        self, paths: Sequence[Path], layout: _Layout, targets: int, *, overwrite: bool = True
     ) -> None:
         for path in paths:
             check_output(path, overwrite=overwrite)
@@ -105,7 +132,7 @@ class ResultSink(NotCopied, ClosedAtExit):
     def write(self, frame_index: int, time: float | None, tracks: Sequence[Track]) -> None:
         """Write the tracks of one frame, in the order of the targets.
 
-        `frame_index` counts from 0; `time` in seconds, None if unknown.
+        `frame_index` counts from 0; `time` is in seconds, None if unknown.
         """
         if len(tracks) != self._targets:
             raise ValueError(f"{len(tracks)} tracks for {self._targets} targets")
@@ -117,7 +144,7 @@ class ResultSink(NotCopied, ClosedAtExit):
         self._is_first = self._is_empty = False
 
     def write_row(self, row: Row) -> None:
-        """Write one target of one frame, where targets come and go."""
+        """Write one target of one frame, for a varying number of targets."""
         line = self._layout.line(row)
         if line is not None:
             self._file(row.target).write_line(line)
@@ -127,14 +154,14 @@ class ResultSink(NotCopied, ClosedAtExit):
         return self._files[target - 1 if self._layout.one_target else 0]
 
     def close(self) -> None:
-        """Close the files and give them their names. May be called twice."""
+        """Close the files and rename them to their final names. May be called twice."""
         for file in self._files:
             file.close()
         for file in self._files:
             file.finish()
 
     def abandon(self) -> None:
-        """Close the files, and leave what is in them under the names of their parts."""
+        """Close the files, and leave their contents under the names of their parts."""
         for file in self._files:
             file.close()
             if self._is_empty:
@@ -142,7 +169,7 @@ class ResultSink(NotCopied, ClosedAtExit):
 
 
 class _LineFile:
-    """A file without buffer, so that a line is in it or is not."""
+    """An unbuffered file, to which a line is written completely or not at all."""
 
     def __init__(self, part: Part) -> None:
         self._part = part
@@ -161,7 +188,7 @@ class _LineFile:
         try:
             written = self._file.write(data)
             if written < len(data):
-                # A full disk takes half a line without complaint.
+                # A full disk accepts half a line without an error.
                 self._file.truncate(self._file.tell() - written)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
@@ -183,3 +210,128 @@ class _LineFile:
 
     def discard(self) -> None:
         self._part.discard()
+
+
+def _record(row: Row) -> dict[str, _Value]:
+    """The row by `COLUMNS`; None for missing values."""
+    track = row.track
+    corners = (None,) * 8 if track.corners is None else track.corners.ravel().tolist()
+    values = (
+        *(row.frame, _rounded(row.time, _FINE_DECIMALS), row.target),
+        *(_rounded(value, _PIXEL_DECIMALS) for value in track.box),
+        *(_rounded(track.score, _SCORE_DECIMALS), bool(track.lost)),
+        *(_rounded(value, _PIXEL_DECIMALS) for value in corners),
+        *_motion_values(track),
+    )
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def _csv_line(row: Row) -> str:
+    """`_record` separated by commas; missing values are empty, booleans are 0 and 1."""
+    return _joined(_record(row).values())
+
+
+def _json_line(row: Row) -> str:
+    """`_record` as one JSON object; missing values are null."""
+    return json.dumps(_record(row), allow_nan=False)
+
+
+def _mot_line(row: Row) -> str | None:
+    """MOTChallenge: ``frame,id,x,y,w,h,conf,-1,-1,-1``; frame, id, x and y are 1-based.
+
+    The format has no line for a lost target.
+    """
+    if row.track.lost or not _is_finite(row.track.box):
+        return None
+    box = _one_based(row.track.box)
+    score = _rounded(row.track.score, _SCORE_DECIMALS)
+    return _joined((row.frame + 1, row.target, *box, score, -1, -1, -1))
+
+
+def _otb_line(row: Row) -> str:
+    """OTB: ``x,y,w,h``; x and y are 1-based. One line per frame, also for a lost target."""
+    return _joined(_one_based(row.track.box) if _is_finite(row.track.box) else (0, 0, 0, 0))
+
+
+def _vot_line(row: Row) -> str:
+    """VOT: ``x,y,w,h``, or the polygon ``x1,y1,...,x4,y4`` of a rotated box; 0-based pixels.
+
+    One line per frame, also for a lost target.
+    """
+    track = row.track
+    region = track.box if track.corners is None else track.corners.ravel().tolist()
+    if not _is_finite(region):
+        return "0"
+    return _joined(_rounded(value, _PIXEL_DECIMALS) for value in region)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """A text format.
+
+    Attributes
+    ----------
+    line : callable
+        The line of a `Row`; None writes no line.
+    header : str or None
+        First line of the file.
+    initial : str or None
+        Replaces the line of a target's first frame.
+    one_target : bool
+        Whether each target has its own file.
+    """
+
+    line: Callable[[Row], str | None]
+    header: str | None = None
+    initial: str | None = None
+    one_target: bool = False
+
+
+_LAYOUTS = {
+    "csv": _Layout(_csv_line, header=",".join(COLUMNS)),
+    "jsonl": _Layout(_json_line),
+    "mot": _Layout(_mot_line),
+    "otb": _Layout(_otb_line, one_target=True),
+    "vot": _Layout(_vot_line, initial="1", one_target=True),
+}
+
+
+def _motion_values(track: Track) -> tuple[_Value, ...]:
+    if track.motion is None:
+        return (None,) * 5
+    dx, dy, angle = track.motion.shift_angle
+    return (
+        _rounded(dx, _PIXEL_DECIMALS),
+        _rounded(dy, _PIXEL_DECIMALS),
+        _rounded(angle, _FINE_DECIMALS),
+        _rounded(track.motion.inliers, _SCORE_DECIMALS),
+        bool(track.motion.reliable),
+    )
+
+
+def _one_based(xywh: Iterable[float]) -> tuple[_Value, ...]:
+    x, y, w, h = (_rounded(value, _PIXEL_DECIMALS) for value in xywh)
+    return _rounded((x or 0) + 1, _PIXEL_DECIMALS), _rounded((y or 0) + 1, _PIXEL_DECIMALS), w, h
+
+
+def _rounded(value: float | None, decimals: int) -> float | None:
+    """Rounded value, never -0.0; None if it is not finite, which no format can represent."""
+    if value is None or not math.isfinite(value):
+        return None
+    return round(float(value), decimals) + 0.0
+
+
+def _is_finite(values: Iterable[float]) -> bool:
+    return all(math.isfinite(value) for value in values)
+
+
+def _joined(values: Iterable[_Value]) -> str:
+    return ",".join(_text(value) for value in values)
+
+
+def _text(value: _Value) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.{_FINE_DECIMALS}f}".rstrip("0").rstrip(".")
+    return str(int(value))

@@ -1,4 +1,4 @@
-"""`VideoSink`: frames into a video file."""
+"""`VideoSink`: writes frames to a video file."""
 
 from __future__ import annotations
 
@@ -21,14 +21,13 @@ from ssiam.copying import NotCopied
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
 from ssiam.outputs import ClosedAtExit, Part
-from ssiam.video.clock import Clock, as_rate
 from ssiam.video.sound import Sound, SoundCopy
 
 _log = logging.getLogger(__name__)
 
 _FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska", ".avi": "avi"}
-# A program that is killed loses the few frames that the encoder holds: mp4 is written in fragments
-# of one frame (2 % more bytes) and turned into a plain one on closing, Matroska in short clusters.
+# A killed program loses only the few frames that the encoder holds: mp4 is written in fragments of
+# one frame (2 % more bytes) and converted to a plain mp4 on closing, Matroska in short clusters.
 _FLUSHED = {"flush_packets": "1"}
 _FRAGMENTED = {"movflags": "hybrid_fragmented+frag_every_frame"}
 _MUXER_OPTIONS = {
@@ -38,8 +37,8 @@ _MUXER_OPTIONS = {
     "avi": {},
 }
 _KEY_FRAME_SECONDS = 1
-# In the order of preference; builds of FFmpeg without x264 have one of the others. No lookahead
-# and no B-frames: 32 MB instead of 79 MB at 1280x720, and times that need no reordering.
+# In order of preference; builds of FFmpeg without x264 have one of the others. No lookahead and
+# no B-frames: 32 MB instead of 79 MB at 1280x720, and times that need no reordering.
 _ENCODERS: dict[str, dict[str, str]] = {
     "libx264": {"preset": "superfast", "crf": "23", "rc-lookahead": "0", "bf": "0"},
     "libopenh264": {"allow_skip_frames": "0"},
@@ -47,13 +46,19 @@ _ENCODERS: dict[str, dict[str, str]] = {
 }
 # One frame is encoded while the next is tracked.
 _ENCODER_THREADS = 2
-# Frames a second, at least, of an AVI whose frames come at times of their own: it has one rate
-# for all, so that times are kept to 5 ms.
+# Lowest frame rate of an AVI with variable frame times: it has one rate for all frames, and this
+# keeps times to 5 ms.
 _AVI_GRID = 100
-# Seconds over which an AVI repeats a frame; a longer pause holds no frames, as FFmpeg writes it.
+# Seconds over which an AVI repeats a frame; a longer pause has no frames, as written by FFmpeg.
 _AVI_LONGEST = 60
 # FFmpeg's numbers for what cv2.COLOR_BGR2YUV_I420 makes: BT.601 in the range 16..235.
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
+# Ticks per second, at least: variable frame times are kept to 0.1 ms.
+_RESOLUTION = 10_000
+# Denominators of real frame rates are 1 and 1001.
+_LARGEST_DENOMINATOR = 1001
+# A time this many frames before the last one is a new start, not rounding or disorder.
+_JUMP_STEPS = 10
 
 
 class VideoSink(NotCopied, ClosedAtExit):
@@ -61,41 +66,41 @@ class VideoSink(NotCopied, ClosedAtExit):
 
     Threads: one thread at a time.
 
-    Frames go to ``NAME.part.EXT``, which `close` renames: also after Ctrl-C or an exception, with
-    all frames that were written. If the program is killed or the disk is full the part stays, and
-    plays to its last frames; what had the name before is kept.
+    Frames go to ``NAME.part.EXT``, which `close` renames, also after Ctrl-C or an exception, with
+    all frames that were written. If the program is killed or the disk is full the part remains and
+    plays to its last frame; an existing file of that name is kept.
 
     Parameters
     ----------
     path : str or Path
         The file; its folder must exist.
     fps : Fraction or float
-        Frames a second, for frames that are written without a time; kept exactly as a Fraction.
+        Frames per second, for frames that are written without a time; a Fraction is kept exactly.
     size_wh : (int, int) or None
         Width and height of the frames in pixels; None takes those of the first frame.
-        Odd sizes are padded to even ones, as H.264 needs them.
+        Odd sizes are padded to even ones, as H.264 requires.
     pixel_aspect : Fraction
-        Width of a pixel by its height, for players; the pixels are written as they are.
+        Width of a pixel divided by its height, for players; the pixels are written unchanged.
     is_variable : bool
-        The times given to `write` are no multiples of ``1 / fps``. An AVI, which has one rate
-        for all frames and repeats them over gaps, then gets one that is high enough for them.
+        The times given to `write` are not multiples of ``1 / fps``. An AVI, which has one rate
+        for all frames and repeats them over gaps, then gets a rate that is high enough for them.
     sound : Sound or None
-        Copied into the file up to the end of the last frame; frames need times for it.
+        Copied into the file up to the end of the last frame; requires frames with times.
     overwrite : bool
-        Whether a file of that name may be replaced.
+        Whether an existing file may be replaced.
 
     Attributes
     ----------
-    left_out : int
-        Frames that were not written, because an AVI's rate is too low for their times.
-    silence : str or None
-        Why sound is left out; None if all of it is there.
+    dropped_frames : int
+        Frames that were not written because an AVI's rate is too low for their times.
+    sound_omitted : str or None
+        Why sound is omitted; None if all of it is written.
 
     Raises
     ------
     SinkError
-        On construction if `path` cannot be written, or exists and is not to be replaced; later
-        if the disk is full.
+        On construction if `path` cannot be written, or exists and `overwrite` is False; later if
+        the disk is full.
     """
 
     def __init__(
@@ -111,9 +116,9 @@ class VideoSink(NotCopied, ClosedAtExit):
     ) -> None:
         self.path = Path(path)
         self.size_wh = size_wh
-        self.left_out = 0
-        self.silence: str | None = None
-        self._rate = as_rate(fps)
+        self.dropped_frames = 0
+        self.sound_omitted: str | None = None
+        self._rate = _exact_rate(fps)
         self._pixel_aspect = pixel_aspect
         self._sound = sound
         self._copy: SoundCopy | None = None
@@ -122,8 +127,8 @@ class VideoSink(NotCopied, ClosedAtExit):
             known = " ".join(_FORMATS)
             raise SinkError(f"{self.path}: unknown kind of video; name it with one of {known}")
         self._is_constant = muxer == "avi"
-        parts = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
-        self._clock = Clock(self._rate, only_whole_frames=self._is_constant, parts=parts)
+        step = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
+        self._clock = _FrameClock(self._rate, whole_frames=self._is_constant, step=step)
         self._last: tuple[int, Image] | None = None
         self._part = Part(self.path, overwrite=overwrite)
         self._container = _create(self._part.file, muxer)
@@ -137,10 +142,19 @@ class VideoSink(NotCopied, ClosedAtExit):
         return self._part.location
 
     def write(self, image: Image, time: float | None = None) -> float | None:
-        """Append a (H, W, 3) uint8 BGR frame; its time in the file, seconds, None if left out.
+        """Append a frame.
 
-        `time` is in seconds from any origin, which keeps a variable frame rate; without it the
-        frame follows the one before by ``1 / fps``.
+        Parameters
+        ----------
+        image : (H, W, 3) uint8 BGR
+        time : float or None
+            Seconds from any origin; keeps a variable frame rate. None places the frame
+            ``1 / fps`` after the previous one.
+
+        Returns
+        -------
+        float or None
+            Time of the frame in the file, seconds; None if it was dropped.
         """
         height, width = image.shape[:2]
         if self.size_wh is None:
@@ -148,14 +162,14 @@ class VideoSink(NotCopied, ClosedAtExit):
         if (width, height) != self.size_wh:
             raise FrameSizeError(
                 f"{self.path}: a frame of {width}x{height} pixels cannot follow those of "
-                f"{self.size_wh[0]}x{self.size_wh[1]}; write it to a file of its own"
+                f"{self.size_wh[0]}x{self.size_wh[1]}; write it to a separate file"
             )
-        ticks = self._clock.place(time)
+        ticks = self._clock.next_ticks(time)
         if ticks is None:
-            self.left_out += 1
+            self.dropped_frames += 1
             return None
         yuv = _even_yuv420(image)
-        shown = float(ticks * self._clock.time_base)
+        written_time = float(ticks * self._clock.time_base)
         try:
             if self._stream is None:
                 self._stream = self._begin(self._frame(yuv, ticks), has_time=time is not None)
@@ -165,11 +179,11 @@ class VideoSink(NotCopied, ClosedAtExit):
             self._container.mux(self._stream.encode(self._frame(yuv, ticks)))
             self._is_empty = False
             if self._copy is not None and time is not None:
-                self._copy.follow(time, shown)
+                self._copy.follow(time, written_time)
         except (av.FFmpegError, OSError) as error:
             self._failed = True
             raise self._part.error(error) from error
-        return shown
+        return written_time
 
     def _frame(self, yuv: Image, ticks: int) -> VideoFrame:
         frame = VideoFrame.from_ndarray(yuv, format="yuv420p")
@@ -177,7 +191,7 @@ class VideoSink(NotCopied, ClosedAtExit):
         return frame
 
     def _repeat_until(self, stream: VideoStream, ticks: int) -> None:
-        """Fill the gap after the last frame with it, where the container has one rate."""
+        """Repeat the last frame up to `ticks`, for a container with one rate for all frames."""
         if self._last is None:
             return
         last, yuv = self._last
@@ -186,42 +200,42 @@ class VideoSink(NotCopied, ClosedAtExit):
                 self._container.mux(stream.encode(self._frame(yuv, between)))
 
     def _begin(self, frame: VideoFrame, *, has_time: bool) -> VideoStream:
-        """Add the streams, sound as far as the container takes it, and write the header."""
+        """Add the video stream and the sound that the container supports, and write the header."""
         stream = self._add_video(frame)
         if self._sound is None:
             return stream
         if not has_time or self._sound.origin is None:
-            self.silence = "the source tells no times to go by"
+            self.sound_omitted = "the source has no timestamps"
         else:
             self._copy = SoundCopy(self._container, self._sound)
-            self.silence = self._copy.silence(self.path.suffix)
+            self.sound_omitted = self._copy.omitted(self.path.suffix)
             try:
                 self._container.start_encoding()
             except av.FFmpegError:
-                self.silence = self._copy.silence(self.path.suffix, begun=False)
+                self.sound_omitted = self._copy.omitted(self.path.suffix, header_failed=True)
                 self._copy = None
-                stream = self._begin_anew(frame)
+                stream = self._restart_without_sound(frame)
         if self._copy is None:
-            self._sound.drop()
+            self._sound.discard()
         return stream
 
     def _add_video(self, frame: VideoFrame) -> VideoStream:
         rate = 1 / self._clock.time_base if self._is_constant else self._rate
-        return _add_stream(self._container, rate, self._clock, frame, self._pixel_aspect)
+        return _add_stream(self._container, rate, self._clock.time_base, frame, self._pixel_aspect)
 
-    def _begin_anew(self, frame: VideoFrame) -> VideoStream:
-        """The file without sound, where the container refused that with its header."""
+    def _restart_without_sound(self, frame: VideoFrame) -> VideoStream:
+        """Start the file again after the container failed to write its header with sound."""
         with suppress(av.FFmpegError, OSError):
             self._container.close()
         self._container = _create(self._part.file, self._container.format.name)
         return self._add_video(frame)
 
     def close(self) -> None:
-        """Finish the file and give it its name. May be called twice."""
+        """Finish the file and rename it to its final name. May be called twice."""
         self._finish(rename=True)
 
     def abandon(self) -> None:
-        """Finish the file, and leave it under the name of its part."""
+        """Finish the file, but leave it under the name of its part."""
         with suppress(SinkError):
             self._finish(rename=False)
 
@@ -246,7 +260,7 @@ class VideoSink(NotCopied, ClosedAtExit):
 
 def _create(path: Path, muxer: str) -> OutputContainer:
     options = _FLUSHED | _MUXER_OPTIONS[muxer]
-    # "file:" keeps a colon or a percent sign in the name from meaning something to FFmpeg.
+    # "file:" keeps FFmpeg from interpreting a colon or a percent sign in the name.
     container: OutputContainer = av.open(f"file:{path}", mode="w", format=muxer, options=options)
     return container
 
@@ -254,7 +268,7 @@ def _create(path: Path, muxer: str) -> OutputContainer:
 def _add_stream(
     container: OutputContainer,
     rate: Fraction,
-    clock: Clock,
+    time_base: Fraction,
     frame: VideoFrame,
     pixel_aspect: Fraction,
 ) -> VideoStream:
@@ -264,7 +278,7 @@ def _add_stream(
     stream.width, stream.height, stream.pix_fmt = frame.width, frame.height, "yuv420p"
     stream.thread_count, stream.thread_type = _ENCODER_THREADS, ThreadType.FRAME
     context = stream.codec_context
-    context.time_base = clock.time_base
+    context.time_base = time_base
     context.sample_aspect_ratio = pixel_aspect
     context.colorspace, context.color_range = _COLOR_SPACE_601, _COLOR_RANGE_LIMITED
     _log.debug("writing %s with %s", container.name, name)
@@ -280,7 +294,7 @@ def _encoder() -> str:
 
 
 def _even_yuv420(image: Image) -> Image:
-    """The frame in planar YUV, its last row and column doubled where their number is odd."""
+    """The frame in planar YUV, with the last row and column repeated if their number is odd."""
     height, width = image.shape[:2]
     if height % 2 or width % 2:
         image = np.asarray(
@@ -288,3 +302,67 @@ def _even_yuv420(image: Image) -> Image:
             dtype=np.uint8,
         )
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420), dtype=np.uint8)
+
+
+def _exact_rate(fps: Fraction | float) -> Fraction:
+    """The exact frame rate: 29.97002997 becomes 30000/1001; `ValueError` if not positive."""
+    if not 0 < fps < float("inf"):
+        raise ValueError(f"frame rate {fps} is not a positive number of frames per second")
+    return (
+        fps if isinstance(fps, Fraction) else Fraction(fps).limit_denominator(_LARGEST_DENOMINATOR)
+    )
+
+
+class _FrameClock:
+    """Converts frame times to strictly increasing ticks from 0, of `time_base` seconds each.
+
+    Parameters
+    ----------
+    rate : Fraction
+        Frames per second; a frame without a time comes one step of ``1 / rate`` after the last.
+    whole_frames : bool
+        Ticks are frames of the container, for containers with one rate for all frames. A frame
+        that would be delayed by more than one of them is dropped.
+    step : int
+        Number of container frames per step, with `whole_frames`.
+    """
+
+    def __init__(self, rate: Fraction, *, whole_frames: bool = False, step: int = 1) -> None:
+        self._may_drop = whole_frames
+        finer = -(-_RESOLUTION // rate.numerator)
+        self.time_base = 1 / (rate * step) if whole_frames else Fraction(1, rate.numerator * finer)
+        self._step = step if whole_frames else rate.denominator * finer
+        self._last: int | None = None
+        self._origin: int | None = None
+
+    @property
+    def end(self) -> int:
+        """Ticks at which the last frame ends, if it lasts one step."""
+        return 0 if self._last is None else self._last + self._step
+
+    def next_ticks(self, time: float | None = None) -> int | None:
+        """Ticks of the next frame; None if it is to be dropped.
+
+        `time` is in seconds from any origin; None means one step after the last frame. If times
+        jump back, as in joined recordings, counting continues with one step. Times that are too
+        close together are moved by single ticks.
+        """
+        if time is None:
+            self._last = self.end
+            return self._last
+        ticks = round(time / self.time_base)
+        last = -1 if self._last is None else self._last
+        if self._origin is None:
+            self._origin = ticks - self.end
+        elif self._is_crowded(time / self.time_base - self._origin):
+            return None
+        elif ticks - self._origin < last - _JUMP_STEPS * self._step:
+            self._origin = ticks - self.end
+        self._last = max(ticks - self._origin, last + 1)
+        return self._last
+
+    def _is_crowded(self, due: float) -> bool:
+        """Whether a frame due at these ticks comes before the last one, which is still shown."""
+        if not self._may_drop or self._last is None:
+            return False
+        return self._last - _JUMP_STEPS * self._step <= due < self._last

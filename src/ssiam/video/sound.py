@@ -1,4 +1,4 @@
-"""`Sound`: the sound of a source, kept beside its frames, and copied into a video."""
+"""`Sound`: the audio packets of a source, and copying them into a written video."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from av.stream import Stream
 
 _log = logging.getLogger(__name__)
 
-# Seconds by which frames may leave their own time, by rounding, before the sound follows them.
+# Seconds by which a frame's time may be rounded before the sound is shifted with it.
 _SLACK = 0.02
-# Sound that FFmpeg puts into a container without complaint, and whose times are lost in it.
+# Codecs that FFmpeg accepts for a container although their times are lost in it.
 _UNFIT = {"avi": ("vorbis", "opus")}
 
 
 class Sound:
-    """Packets of the sound streams of a container, until somebody takes them.
+    """Queue of the audio packets of a container.
 
     Attributes
     ----------
     streams : tuple of AudioStream
     origin : Fraction or None
-        Time of the first frame, seconds by the clock of the container; None as long as it, or its
-        time, is unknown.
+        Time of the first video frame, seconds by the clock of the container; None until it is
+        known, or if it has no time.
     """
 
     def __init__(self, streams: Sequence[AudioStream]) -> None:
@@ -40,18 +40,21 @@ class Sound:
         self._packets: deque[Packet[Stream]] = deque()
         self._indexes = {stream.index for stream in streams}
 
-    def note(self, packet: Packet[Stream]) -> None:
-        """Keep a packet, if it is one of sound."""
+    def add_packet(self, packet: Packet[Stream]) -> None:
+        """Keep a packet if it belongs to one of the audio streams."""
         if packet.stream.index in self._indexes and packet.size and not packet.is_corrupt:
             self._packets.append(packet)
 
-    def drop(self) -> None:
-        """Keep nothing from now on."""
+    def discard(self) -> None:
+        """Drop all packets and keep none from now on."""
         self._indexes = set()
         self._packets.clear()
 
     def next_before(self, seconds: float) -> tuple[Packet[Stream], Fraction] | None:
-        """The next packet that begins before `seconds` since the first frame, and its time."""
+        """The next packet that starts before `seconds`, and its time.
+
+        Both are in seconds since the first video frame.
+        """
         while self._packets and self.origin is not None:
             packet = self._packets[0]
             if packet.pts is None or packet.dts is None or packet.time_base is None:
@@ -66,17 +69,17 @@ class Sound:
 
 
 def _codec(stream: AudioStream) -> str:
-    """Its name; PyAV has no context for what FFmpeg cannot decode."""
+    """Name of the codec; PyAV has no context for what FFmpeg cannot decode."""
     return "unknown" if stream.codec_context is None else stream.codec_context.codec.canonical_name
 
 
 class SoundCopy:
-    """Copies sound into a container beside the video that is written.
+    """Copies audio packets into the container of a written video.
 
     Parameters
     ----------
     container : OutputContainer
-        The streams are added to it; it must not have been begun.
+        Receives the audio streams; its header must not be written yet.
     sound : Sound
     """
 
@@ -98,25 +101,27 @@ class SoundCopy:
                 return
         self._refused.append(name)
 
-    def silence(self, suffix: str, *, begun: bool = True) -> str | None:
-        """Why sound is left out of a file with this suffix, None if all of it is in it.
+    def omitted(self, suffix: str, *, header_failed: bool = False) -> str | None:
+        """Why sound is omitted from a file with this suffix; None if all of it is copied.
 
-        `begun` is False if the container took the streams but could not begin with them.
+        `header_failed` is True if the container accepted the streams but could not write its
+        header with them.
         """
-        refused = self._refused if begun else [_codec(stream) for stream in self._sound.streams]
+        all_codecs = [_codec(stream) for stream in self._sound.streams]
+        refused = all_codecs if header_failed else self._refused
         if not refused:
             return None
         advice = "" if suffix.lower() == ".mkv" else "; .mkv holds most kinds"
         return f"{suffix} cannot hold {', '.join(dict.fromkeys(refused))} as it is{advice}"
 
     def follow(self, source_time: float, written_time: float) -> None:
-        """Write the sound up to a frame, which is at these seconds in the source and the file."""
+        """Write the sound up to a frame, given its time (s) in the source and in the file."""
         if abs(written_time - source_time - self._shift) > _SLACK:
             self._shift = written_time - source_time
         self.write_until(written_time)
 
     def write_until(self, seconds: float) -> None:
-        """Write the sound that begins before `seconds` in the file."""
+        """Write the sound that starts before `seconds` in the file."""
         while (found := self._sound.next_before(seconds - self._shift)) is not None:
             self._write(*found)
 
@@ -135,5 +140,5 @@ class SoundCopy:
         try:
             self._container.mux_one(packet)
         except (av.error.InvalidDataError, av.error.ArgumentError) as error:
-            # Damaged sound is no reason to end the video.
-            _log.debug("skipped a packet of sound that cannot be copied: %s", error.strerror)
+            # Damaged sound does not end the video.
+            _log.debug("skipped an audio packet that cannot be copied: %s", error.strerror)

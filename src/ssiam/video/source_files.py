@@ -1,4 +1,4 @@
-"""`check_apart_from_source`: outputs beside the files that a source is read from."""
+"""`check_distinct_from_source`: outputs must not be files that a source is read from."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from urllib.parse import unquote, urlsplit
 
 from ssiam.errors import ArgumentError
 from ssiam.outputs import NamedPath, check_apart
-from ssiam.video.addresses import is_address
-from ssiam.video.folders import IMAGE_SUFFIXES, image_paths
-from ssiam.video.sources import STDIN, camera_number
+from ssiam.video.images import IMAGE_SUFFIXES, image_paths
+from ssiam.video.sources import STDIN, camera_index, is_address
 
-_M3U, _FFCONCAT = b"#EXTM3U", b"ffconcat"  # with which playlists start
-_LONGEST_LIST = 1 << 20  # bytes that are read of one
+_M3U, _FFCONCAT = b"#EXTM3U", b"ffconcat"  # first bytes of playlists
+_LONGEST_LIST = 1 << 20  # bytes read of a playlist
 _STANDARD_INPUT = Path("/dev/stdin")  # also when it is redirected from a file
 
 
-def check_apart_from_source(
+def check_distinct_from_source(
     outputs: Sequence[NamedPath], source: str, inputs: Iterable[NamedPath] = ()
 ) -> None:
-    """`check_apart` of what `open_source` would read, and of other inputs; opens no video.
+    """`check_apart` for the files that `open_source` would read, and for other inputs.
 
-    A folder is read as its images, a local playlist (.m3u8, .ffconcat) as the files that it names.
-    Images beside those of a source that is a folder are refused too: the next run would take them
-    for frames.
+    A folder counts as its images, a local playlist (.m3u8, .ffconcat) as the files that it lists.
+    A new image in a source folder is refused too: the next run would read it as a frame. No video
+    is opened.
 
     Raises
     ------
@@ -43,19 +42,19 @@ def check_apart_from_source(
     for option, output in outputs:
         if images and _would_be_read(output, path):
             raise ArgumentError(
-                f"{option} {output} lies in the source {path}, where it would be read as a frame; "
-                "give another folder"
+                f"{option} {output} is in the source folder {path}, where it would be read as a "
+                "frame; give another folder"
             )
 
 
 def _path(source: str) -> Path | None:
-    """The file or folder that a source is, if it is one."""
+    """The file or folder of a source, if it has one."""
     if source == STDIN:
         return _STANDARD_INPUT
     if is_address(source):
         is_file = source.lower().startswith("file://")
         return Path(unquote(urlsplit(source).path)) if is_file else None
-    return None if camera_number(source) is not None or not source else Path(source)
+    return None if camera_index(source) is not None or not source else Path(source)
 
 
 def _images(folder: Path) -> list[Path]:
@@ -66,7 +65,7 @@ def _images(folder: Path) -> list[Path]:
 
 
 def _listed(path: Path, seen: set[Path]) -> list[Path]:
-    """The files that a playlist names, and those that playlists among them name."""
+    """The files that a playlist lists, including those of playlists among them."""
     found: list[Path] = []
     for name in _names_in(path):
         file = path.parent / name
@@ -93,7 +92,7 @@ def _names_in(path: Path) -> list[str]:
 
 
 def _would_be_read(output: Path, folder: Path) -> bool:
-    """Whether the output will be an image of the folder."""
+    """Whether the output would be an image of the folder."""
     target = Path(os.path.realpath(output))
     try:
         return target.suffix.lower() in IMAGE_SUFFIXES and target.parent.samefile(folder)

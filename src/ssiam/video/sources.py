@@ -1,9 +1,10 @@
-"""`open_source`: one argument for every kind of source."""
+"""`open_source`: files, folders, cameras, network addresses and standard input as a `Source`."""
 
 from __future__ import annotations
 
 import re
 import sys
+import time
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from io import BufferedReader
@@ -11,24 +12,29 @@ from pathlib import Path
 from typing import cast
 from urllib.parse import unquote, urlsplit
 
-from ssiam.errors import SourceError
-from ssiam.video.addresses import is_address, open_address
-from ssiam.video.cameras import open_camera
-from ssiam.video.containers import Input, open_container
-from ssiam.video.folders import open_folder, open_stack
-from ssiam.video.frames import Source
-from ssiam.video.images import is_stack
+import cv2
+import numpy as np
+
+from ssiam.errors import SourceError, StreamError
+from ssiam.video.containers import Input, Pipe, open_container
+from ssiam.video.frames import Source, TimedImages
+from ssiam.video.images import is_stack, open_folder, open_stack
 from ssiam.video.levels import Levels
-from ssiam.video.pipes import Pipe
 
 STDIN = "-"
 
 _CAMERA = re.compile(r"(?:/dev/video)?([0-9]{1,3})")
+# Frames per second of a camera whose driver reports no plausible rate.
+_CAMERA_FPS = Fraction(30)
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
+# Seconds until a server that does not answer, or that stops sending, counts as disconnected.
+_OPEN_TIMEOUT = 10.0
+_READ_TIMEOUT = 10.0
 
 
 @dataclass(frozen=True)
 class RawFormat:
-    """How headerless frames are laid out.
+    """Layout of headerless frames.
 
     Threads: a value; any number of threads may share it.
 
@@ -37,9 +43,9 @@ class RawFormat:
     size_wh : (int, int)
         Width and height, pixels.
     pixel_format : str
-        FFmpeg's name of the layout: bgr24, rgb24, gray, yuv420p, nv12, ...
+        FFmpeg's name of the pixel format: bgr24, rgb24, gray, yuv420p, nv12, ...
     fps : Fraction
-        Frames a second.
+        Frames per second.
     """
 
     size_wh: tuple[int, int]
@@ -47,7 +53,7 @@ class RawFormat:
     fps: Fraction = Fraction(30)
 
     def options(self) -> dict[str, str]:
-        """The options of FFmpeg's raw video reader."""
+        """Options for FFmpeg's raw video demuxer."""
         width, height = self.size_wh
         rate = Fraction(self.fps).limit_denominator(1_000_000)
         return {
@@ -55,6 +61,21 @@ class RawFormat:
             "pixel_format": self.pixel_format,
             "framerate": f"{rate.numerator}/{rate.denominator}",
         }
+
+
+@dataclass(frozen=True)
+class _Options:
+    """The options of `open_source` that not every kind of source supports."""
+
+    stream: int | None
+    levels: Levels | None
+    sound: bool
+
+    def check_no_stream(self, name: str) -> None:
+        if self.stream is not None:
+            raise SourceError(
+                f"{name}: has no video streams to choose from; omit the stream {self.stream}"
+            )
 
 
 def open_source(
@@ -65,24 +86,24 @@ def open_source(
     levels: tuple[float, float] | None = None,
     sound: bool = False,
 ) -> Source:
-    """The frames of a video file, folder of images, camera, address or of standard input.
+    """Open a video file, folder of images, camera, network address or standard input.
 
     Parameters
     ----------
     spec : str, int or Path
-        A video file, a TIFF of several pages or an animated WebP; a folder of images; the number
-        of a camera, from 0; an address (``rtsp://``, ``http://``, ...); ``"-"`` for standard
-        input. A file named like a number is given as ``./0``.
+        A video file, a multi-page TIFF or an animated WebP; a folder of images; the index of a
+        camera, from 0; an address (``rtsp://``, ``http://``, ...); ``"-"`` for standard input.
+        Give a file whose name is a number as ``./0``.
     raw : RawFormat or None
-        Set for headerless frames, in a file or from standard input.
+        Layout of headerless frames, in a file or from standard input.
     stream : int or None
-        Which of several video streams, from 0; None for the one with the most pixels.
+        Index of the video stream, from 0; None for the one with the most pixels.
     levels : (low, high) or None
-        The values that become 0 and 255, of sources with more than 8 bits a value; None takes
-        them from the first frames, once for the whole source.
+        The values that become 0 and 255, for sources with more than 8 bits per value; None
+        estimates them from the first frames, once for the whole source.
     sound : bool
-        Whether to keep the sound for a `VideoSink` to copy (`SourceFacts.sound`); without
-        anybody who takes it, memory grows.
+        Whether to keep the audio packets for a `VideoSink` to copy (`SourceInfo.sound`). If
+        nothing consumes them, memory use grows with the length of the source.
 
     Returns
     -------
@@ -92,72 +113,142 @@ def open_source(
     Raises
     ------
     SourceError
-        If it cannot be opened or holds no frame; one line that names it and says what to do.
+        It cannot be opened or contains no frame; one line that names it and says what to do.
     ArgumentError
-        `levels` are no two values, the darker one first.
+        `levels` are not two values, the darker one first.
     """
-    chosen = _Chosen(stream, None if levels is None else Levels(*levels), sound)
+    options = _Options(stream, None if levels is None else Levels(*levels), sound)
     if isinstance(spec, int):
-        return _open_camera(spec, chosen)
+        return _open_camera(spec, options)
     text = str(spec)
-    camera = camera_number(text)
+    camera = camera_index(text)
     if camera is not None:
-        return _open_camera(camera, chosen)
+        return _open_camera(camera, options)
     if text == STDIN:
-        return _open_stdin(raw, chosen)
+        return _open_stdin(raw, options)
     if is_address(text) and not text.lower().startswith("file://"):
-        return open_address(text, stream=stream, levels=chosen.levels, sound=sound)
+        return open_address(text, stream=stream, levels=options.levels, sound=sound)
     if is_address(text):
         text = unquote(urlsplit(text).path)
-    return _open_path(text, raw, chosen)
+    return _open_path(text, raw, options)
 
 
-@dataclass(frozen=True)
-class _Chosen:
-    """The choices of `open_source` that only some kinds of source have."""
-
-    stream: int | None
-    levels: Levels | None
-    sound: bool
-
-    def check_single_stream(self, name: str) -> None:
-        if self.stream is not None:
-            raise SourceError(
-                f"{name}: has no video streams to choose from; leave out the stream {self.stream}"
-            )
-
-
-def camera_number(spec: str) -> int | None:
-    """Which camera `spec` names, a number from 0 or ``/dev/video0``; None for what is none."""
+def camera_index(spec: str) -> int | None:
+    """Index of the camera that `spec` names, ``0`` or ``/dev/video0``; None for other sources."""
     camera = _CAMERA.fullmatch(spec)
     return None if camera is None else int(camera[1])
 
 
-def _open_camera(index: int, chosen: _Chosen) -> Source:
-    chosen.check_single_stream(f"camera {index}")
-    if chosen.levels is not None:
-        raise SourceError(f"camera {index}: has 8 bits a value; leave out the levels")
-    return open_camera(index)
+def _open_camera(index: int, options: _Options) -> Source:
+    name = f"camera {index}"
+    options.check_no_stream(name)
+    if options.levels is not None:
+        raise SourceError(f"{name}: has 8 bits per value; omit the levels")
+    if index < 0 or (sys.platform == "linux" and not Path(f"/dev/video{index}").exists()):
+        raise SourceError(f"{name}: there is no such camera ({_available_cameras()})")
+    # OpenCV and not PyAV, because it opens cameras by number on every system.
+    capture = cv2.VideoCapture(index)
+    if not capture.isOpened():
+        raise SourceError(
+            f"{name}: cannot be opened; is it connected, not in use, and allowed for this user?"
+        )
+    # Drivers queue frames; a tracker that lags behind needs the newest one.
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    return open_capture(name, capture)
 
 
-def _open_stdin(raw: RawFormat | None, chosen: _Chosen) -> Source:
+def open_capture(name: str, capture: cv2.VideoCapture) -> Source:
+    """`Source` of an opened OpenCV capture without an end; times are times of arrival."""
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    fps = Fraction(rate).limit_denominator(1001) if 1 <= rate <= 1000 else _CAMERA_FPS
+    return Source(name, _captured(name, capture), fps=fps, length=None)
+
+
+def _captured(name: str, capture: cv2.VideoCapture) -> TimedImages:
+    count = 0
+    started = 0.0
+    try:
+        while True:
+            delivered, image = capture.read()
+            if not delivered:
+                break
+            now = time.monotonic()
+            started = started if count else now
+            yield now - started, np.asarray(image, dtype=np.uint8)
+            count += 1
+    finally:
+        capture.release()
+    if not count:
+        raise SourceError(f"{name}: opens but delivers no frame; is another program using it?")
+    raise StreamError(f"{name}: broke off after {count} frames; was it unplugged?")
+
+
+def _available_cameras() -> str:
+    found = sorted(path.name[5:] for path in Path("/dev").glob("video[0-9]*"))
+    return f"available cameras: {', '.join(found)}" if found else "no camera is connected"
+
+
+def is_address(spec: str) -> bool:
+    """Whether `spec` is a URL (``scheme://...``) and not a path."""
+    return _ADDRESS.match(spec) is not None
+
+
+def redact_address(address: str) -> str:
+    """The address without user, password, query and fragment, which may hold secrets."""
+    scheme, _, rest = address.partition("://")
+    location = re.split(r"[?#]", rest, maxsplit=1)[0]
+    host, slash, path = location.partition("/")
+    # A password may contain a slash; nothing before an @ is kept.
+    return f"{scheme}://{(host + slash + path).rpartition('@')[2]}"
+
+
+def open_address(
+    address: str,
+    *,
+    read_timeout: float = _READ_TIMEOUT,
+    stream: int | None = None,
+    levels: Levels | None = None,
+    sound: bool = False,
+) -> Source:
+    """`Source` of a network address; RTSP goes over TCP, which loses no packets.
+
+    After `read_timeout` seconds without data the source breaks off. The other parameters are
+    those of `open_source`.
+    """
+    options = {"rtsp_transport": "tcp"} if address.lower().startswith("rtsp") else {}
+    return open_container(
+        Input(
+            name=redact_address(address),
+            file=address,
+            options=options,
+            timeout=(_OPEN_TIMEOUT, read_timeout),
+            advice="check the address and that the server is up",
+            stream=stream,
+            levels=levels,
+            sound=sound,
+            is_remote=True,
+        )
+    )
+
+
+def _open_stdin(raw: RawFormat | None, options: _Options) -> Source:
     if sys.stdin is None or sys.stdin.isatty():
         raise SourceError("standard input: nothing is piped in; use e.g. `... | ssiam track -`")
     stdin = cast(BufferedReader, sys.stdin.buffer)
     given = Input(
         name="standard input",
         file=stdin if stdin.seekable() else Pipe(stdin),
-        advice="pipe in y4m, mpegts or matroska, or say how raw frames are laid out",
+        advice="pipe in y4m, mpegts or matroska, or give the layout of raw frames",
     )
-    return open_container(_completed(given, raw, chosen))
+    return open_container(_with_options(given, raw, options))
 
 
-def _open_path(text: str, raw: RawFormat | None, chosen: _Chosen) -> Source:
+def _open_path(text: str, raw: RawFormat | None, options: _Options) -> Source:
     path = Path(text)
     try:
         if path.is_dir() and text:
-            chosen.check_single_stream(text)
-            return open_folder(path, levels=chosen.levels)
+            options.check_no_stream(text)
+            return open_folder(path, levels=options.levels)
         if not path.exists() or not text:
             raise SourceError(f"{text or 'empty name'}: no such file or folder; check the path")
         head = _head(path) if path.is_file() else b"?"
@@ -166,16 +257,15 @@ def _open_path(text: str, raw: RawFormat | None, chosen: _Chosen) -> Source:
     if not head:
         raise SourceError(f"{text}: the file is empty; get it again")
     if raw is None and is_stack(head):
-        chosen.check_single_stream(text)
-        return open_stack(path, levels=chosen.levels)
-    # "file:" keeps a colon or a percent sign in the name from meaning something to FFmpeg.
+        options.check_no_stream(text)
+        return open_stack(path, levels=options.levels)
+    # "file:" keeps FFmpeg from interpreting a colon or a percent sign in the name.
     given = Input(name=text, file=f"file:{text}", advice=_advice(head))
-    return open_container(_completed(given, raw, chosen))
+    return open_container(_with_options(given, raw, options))
 
 
-def _completed(given: Input, raw: RawFormat | None, chosen: _Chosen) -> Input:
-    """What is to be opened, with the choices of `open_source`."""
-    given = replace(given, stream=chosen.stream, levels=chosen.levels, sound=chosen.sound)
+def _with_options(given: Input, raw: RawFormat | None, options: _Options) -> Input:
+    given = replace(given, stream=options.stream, levels=options.levels, sound=options.sound)
     if raw is None:
         return given
     return replace(
@@ -190,5 +280,5 @@ def _head(path: Path) -> bytes:
 
 def _advice(head: bytes) -> str:
     if head[4:8] in (b"ftyp", b"mdat", b"moov", b"wide", b"free"):
-        return "it looks truncated: the index of an mp4 lies at its end; get the whole file"
-    return "is it a video, and is it whole?"
+        return "it looks truncated: the index of an mp4 may be at its end; get the whole file"
+    return "is it a video, and is it complete?"

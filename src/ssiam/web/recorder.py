@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
-from ssiam.video.layouts import Row
+from ssiam.video.results import Row
 from ssiam.web.backlog import Backlog
 from ssiam.web.errors import Note
 from ssiam.web.recording_files import TABLES, VIDEO, Facts, RecordingFolder

@@ -10,7 +10,7 @@ from helpers.feed_servers import JpegCamera
 from helpers.opened_feeds import SOON, indices, opened, wait_for
 from helpers.video_clips import number_in
 from ssiam.errors import SourceError
-from ssiam.video.cameras import open_capture
+from ssiam.video.sources import open_capture
 from ssiam.web.errors import CommandError
 from ssiam.web.feeds.reconnecting import ReconnectingFeed
 

@@ -10,13 +10,13 @@ import pytest
 
 from helpers.feed_servers import file_server
 from helpers.opened_feeds import SOON, indices, numbers, opened, rest, wait_for
-from helpers.video_clips import number_in, picture, write_clip
+from helpers.video_clips import number_in, numbered_image, write_clip
 
 
 def _folder(path):
     path.mkdir()
     for number in range(30):
-        cv2.imwrite(str(path / f"{number}.png"), picture(number))
+        cv2.imwrite(str(path / f"{number}.png"), numbered_image(number))
     return path
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.video_clips import number_in, picture
+from helpers.video_clips import number_in, numbered_image
 from ssiam.errors import ArgumentError
 from ssiam.web.feeds.pictures import decode_picture
 
@@ -18,8 +18,8 @@ def jpeg(image, *parameters):
     return cv2.imencode(".jpg", image, list(parameters))[1].tobytes()
 
 
-PLAIN = jpeg(picture(99))
-PROGRESSIVE = jpeg(picture(99), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+PLAIN = jpeg(numbered_image(99))
+PROGRESSIVE = jpeg(numbered_image(99), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
 
 
 def _resized(data, marker, width, height):
@@ -46,7 +46,7 @@ def _many_scans(data):
 GOOD = [
     ("plain", PLAIN),
     ("progressive", PROGRESSIVE),
-    ("low quality", jpeg(picture(99), cv2.IMWRITE_JPEG_QUALITY, 20)),
+    ("low quality", jpeg(numbered_image(99), cv2.IMWRITE_JPEG_QUALITY, 20)),
 ]
 
 
@@ -57,15 +57,15 @@ def test_jpeg(data):
 
 
 def test_grey_jpeg_has_three_channels():
-    assert decode_picture(jpeg(picture(5)[..., 0])).shape == (96, 160, 3)
+    assert decode_picture(jpeg(numbered_image(5)[..., 0])).shape == (96, 160, 3)
 
 
 BAD = [
     # name, bytes, words of the message
     ("nothing", b"", "not a JPEG"),
     ("text", b"hello " * 99, "not a JPEG"),
-    ("PNG", cv2.imencode(".png", picture(1))[1].tobytes(), "not a JPEG"),
-    ("BMP", cv2.imencode(".bmp", picture(1))[1].tobytes(), "not a JPEG"),
+    ("PNG", cv2.imencode(".png", numbered_image(1))[1].tobytes(), "not a JPEG"),
+    ("BMP", cv2.imencode(".bmp", numbered_image(1))[1].tobytes(), "not a JPEG"),
     ("only the beginning", b"\xff\xd8", "no readable header"),
     ("no frame", PLAIN[:2] + PLAIN[PLAIN.index(b"\xff\xda") :], "no readable header"),
     ("65500 x 65500", _resized(PLAIN, 0xC0, 65500, 65500), "65500x65500 pixels"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from helpers.opened_feeds import SOON
-from helpers.video_clips import number_in, picture
+from helpers.video_clips import number_in, numbered_image
 from ssiam.errors import ArgumentError
 from ssiam.web.feeds.feed import open_feed
 from ssiam.web.feeds.pushed import PushedFeed
@@ -22,24 +22,24 @@ def test_pushed_pictures():
     assert told == ("browser", None, None, None, False, "playing")
     assert feed.take(0) is None
     for number in range(4):
-        feed.push(picture(number))
+        feed.push(numbered_image(number))
         time.sleep(0.01)
     assert feed.dropped == 3
     assert 0 < feed.fps <= 100
     arrival = feed.take(0)
     assert number_in(arrival.frame.image) == arrival.frame.index == 3
     assert 0.03 <= arrival.frame.time <= arrival.arrived
-    feed.push(picture(4, 320, 192))
+    feed.push(numbered_image(4, 320, 192))
     assert feed.size_wh == (320, 192)
     assert feed.take(0).frame.image.shape == (192, 320, 3)
     feed.close()
-    feed.push(picture(5))
+    feed.push(numbered_image(5))
     assert feed.take(0) is None
 
 
 def test_a_push_wakes_who_waits():
     feed = PushedFeed()
-    pusher = threading.Timer(0.05, feed.push, [picture(9)])
+    pusher = threading.Timer(0.05, feed.push, [numbered_image(9)])
     pusher.start()
     assert feed.take(SOON).frame.index == 0
     feed.close()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.video_clips import number_in, picture
+from helpers.video_clips import number_in, numbered_image
 from ssiam.video import VideoSink
 from ssiam.web.feeds.feed import open_feed
 
@@ -49,7 +49,7 @@ def clip(tmp_path_factory):
         path = tmp_path_factory.mktemp("rtsp") / "clip.mp4"
         with VideoSink(path, 25) as sink:
             for number in range(50):
-                sink.write(picture(number, width, height))
+                sink.write(numbered_image(number, width, height))
         return path
 
     return make

@@ -8,9 +8,8 @@ from functools import partial
 from typing import Literal, Protocol
 
 from ssiam.video import Source, open_source
-from ssiam.video.addresses import is_address, open_address, public_name
 from ssiam.video.levels import Levels
-from ssiam.video.sources import STDIN, camera_number
+from ssiam.video.sources import STDIN, camera_index, is_address, open_address, redact_address
 from ssiam.web.errors import Note
 from ssiam.web.feeds.newest import Arrival, FeedState
 from ssiam.web.feeds.pacing import PacedFeed
@@ -135,13 +134,13 @@ def _open(spec: str, stream: int | None, levels: tuple[float, float] | None) -> 
     if not _is_remote(spec) or _is_playlist(spec):
         return open_source(spec, stream=stream, levels=levels)
     chosen = None if levels is None else Levels(*levels)
-    return open_address(spec, silence=_SILENCE, stream=stream, levels=chosen)
+    return open_address(spec, read_timeout=_SILENCE, stream=stream, levels=chosen)
 
 
 def _is_live(spec: str, source: Source) -> bool:
     """Whether it goes on without us; files and pipes wait."""
     if not _is_remote(spec):
-        return camera_number(spec) is not None
+        return camera_index(spec) is not None
     return source.length is None or _scheme(spec) in _STREAMING
 
 
@@ -150,7 +149,7 @@ def _is_remote(spec: str) -> bool:
 
 
 def _is_playlist(spec: str) -> bool:
-    return is_address(spec) and public_name(spec).lower().endswith(_PLAYLISTS)
+    return is_address(spec) and redact_address(spec).lower().endswith(_PLAYLISTS)
 
 
 def _scheme(address: str) -> str:

@@ -33,7 +33,7 @@ class Arrival:
 
 def told_fps(source: Source) -> float | None:
     """Frames a second as the source tells them; None where it tells none."""
-    return float(source.fps) if source.facts.is_rate_known else None
+    return float(source.fps) if source.info.is_rate_known else None
 
 
 class Newest:

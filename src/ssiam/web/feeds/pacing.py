@@ -84,7 +84,7 @@ class PacedFeed(Newest):
         stop: Callable[[], None] | None = None,
     ) -> None:
         super().__init__(source.name, source.size_wh, told_fps(source), source.length)
-        self.pixel_aspect = source.facts.pixel_aspect
+        self.pixel_aspect = source.info.pixel_aspect
         self.seekable = reopen is not None
         self._notes = notes
         self._reopen = reopen
@@ -145,8 +145,8 @@ class PacedFeed(Newest):
             # Its text may hold the address with its password.
             text = f"{self.name} cannot be read any further ({type(error).__name__}); see the log"
             self._notes(Note("error", text))
-        if source.facts.undecoded:
-            text = f"{source.facts.undecoded} frames of {self.name} could not be decoded"
+        if source.info.undecoded:
+            text = f"{source.info.undecoded} frames of {self.name} could not be decoded"
             self._notes(Note("warning", text))
         with self._changed:
             if run == self._run:

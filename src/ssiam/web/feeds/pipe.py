@@ -11,9 +11,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ssiam.video import Source
-from ssiam.video.containers import Input, open_container
+from ssiam.video.containers import Input, Pipe, open_container
 from ssiam.video.levels import Levels
-from ssiam.video.pipes import Pipe
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer

@@ -93,7 +93,7 @@ class ReconnectingFeed(Newest):
         in_bursts: bool = False,
     ) -> None:
         super().__init__(source.name, source.size_wh, told_fps(source))
-        self.pixel_aspect = source.facts.pixel_aspect
+        self.pixel_aspect = source.info.pixel_aspect
         self._notes = notes
         self._reopen = reopen
         self._in_bursts = in_bursts
@@ -161,7 +161,7 @@ class ReconnectingFeed(Newest):
     def _welcome(self, source: Source) -> None:
         """Go on with a source that is back."""
         before, self.size_wh = self.size_wh, source.size_wh
-        self.fps, self.pixel_aspect = told_fps(source), source.facts.pixel_aspect
+        self.fps, self.pixel_aspect = told_fps(source), source.info.pixel_aspect
         self._time.reconnected()
         self._state = "playing"
         width, height = source.size_wh

@@ -1,13 +1,14 @@
-"""`Ending`: whether a container was read to its end, or breaks off before it.
+"""`TruncationCheck`: whether a container was read to its end or breaks off before it.
 
-FFmpeg reports most truncated files as an ordinary end of file. Four things give them away: the
-last packet or the last frame is cut; the packets stop short of what the header announces; the
-bytes of an MPEG transport stream or of y4m do not end at a packet border.
+FFmpeg reports most truncated files as an ordinary end of file. Four signs reveal them: the last
+packet or the last frame is damaged; the packets stop short of what the header announces; the
+bytes of an MPEG transport stream or of y4m do not end on a packet boundary.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from fractions import Fraction
 
 import av
@@ -17,24 +18,32 @@ from av.stream import Stream
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ssiam.video.pipes import Pipe
-
-# What a whole file may miss of its announced end. Where frames are counted, rounding: less than
-# two frames. Elsewhere also 0.1 s for clocks of 1 ms and padded sound (Matroska, FLV), and two
-# frames, for packets there do not always tell how long the last one is shown.
+# How far a complete file may stop short of its announced end. Where frames are counted: less than
+# two frames, for rounding. Elsewhere 0.1 s, for clocks of 1 ms and padded audio (Matroska, FLV),
+# or two frames, because packets there do not always carry the duration of the last frame.
 _COUNTED_SLACK_FRAMES = 1.5
 _SLACK_FRAMES = 2.0
 _SLACK_SECONDS = 0.1
-# Pictures that a decoder may hold back to bring them into order (H.264 allows 16).
+# Frames that a decoder may hold back for reordering (H.264 allows 16).
 _REORDERED_FRAMES = 32
-# Sizes of a transport stream packet, bytes: plain, with time code (Blu-ray), with parity (DVB).
+# Packet sizes of a transport stream, bytes: plain, with time code (Blu-ray), with parity (DVB).
 _TS_PACKETS = (188, 192, 204)
 
 
-class Ending:
-    """Compares what a container announced with what came out of it.
+class TruncationCheck:
+    """Compares what a container announces with what is read from it.
 
-    Give it every packet of every stream and every decoded frame; then ask for the `fault`.
+    Pass it every packet of every stream and every decoded frame, then ask for the `fault`.
+
+    Parameters
+    ----------
+    container : InputContainer
+    stream : VideoStream
+        The stream that is decoded.
+    fps : Fraction
+        Frames per second.
+    bytes_read : callable, optional
+        Number of bytes read so far, for input without a size; by default the container's size.
     """
 
     def __init__(
@@ -43,13 +52,13 @@ class Ending:
         stream: VideoStream,
         fps: Fraction,
         *,
-        pipe: Pipe | None = None,
+        bytes_read: Callable[[], int] | None = None,
     ) -> None:
         self._format = container.format.name
         self._size = container.size
-        self._pipe = pipe
+        self._bytes_read = bytes_read
         self._last_byte = 0
-        self.announced_frames = stream.frames
+        self._announced_frames = stream.frames
         self._announced_end = _announced_seconds(container, stream)
         self._video_index = stream.index
         self._packets = 0
@@ -61,8 +70,8 @@ class Ending:
         self._damaged_pts: deque[int | None] = deque(maxlen=_REORDERED_FRAMES)
         self._last_frame_damaged = False
 
-    def note_packet(self, packet: Packet[Stream]) -> None:
-        """Take in one packet in the order of the file."""
+    def add_packet(self, packet: Packet[Stream]) -> None:
+        """Record a packet; call in file order."""
         if not packet.size:
             return
         self._damaged_packet = packet.is_corrupt
@@ -73,45 +82,45 @@ class Ending:
             return
         if is_video:
             self._last_pts = packet.pts
-            self._note_gap(packet)
-        if is_video or not self.announced_frames:
+            self._update_longest_gap(packet)
+        if is_video or not self._announced_frames:
             end = float((packet.pts + (packet.duration or 0)) * packet.time_base)
             self._reached = max(self._reached, end)
 
-    def note_frame(self, frame: VideoFrame) -> None:
-        """Take in one decoded frame."""
+    def add_frame(self, frame: VideoFrame) -> None:
+        """Record a decoded frame."""
         self._last_frame_damaged = frame.is_corrupt
         if frame.is_corrupt:
             self._damaged_pts.append(frame.pts)
 
     def fault(self) -> str | None:
-        """How the container stopped before its end, or None; ask after its last packet."""
-        # The last packet of a file need not be its last picture.
+        """How the container stopped before its end, or None; call after the last packet."""
+        # The last packet of a file need not hold the last frame on display.
         last_is_cut = self._last_pts is not None and self._last_pts in self._damaged_pts
         if self._damaged_packet or self._last_frame_damaged or last_is_cut:
             return "its last frame is cut"
-        if self._has_cut_rest():
+        if self._has_partial_packet():
             return "its last bytes are cut"
-        return "it ends before the end it announces" if self._ends_early() else None
+        return "it ends before its announced end" if self._ends_early() else None
 
-    def _has_cut_rest(self) -> bool:
+    def _has_partial_packet(self) -> bool:
         """Whether bytes are left over, in formats that FFmpeg reads in whole packets."""
-        size = self._size if self._pipe is None else self._pipe.count
+        size = self._size if self._bytes_read is None else self._bytes_read()
         if self._format == "mpegts":
             return size > 0 and all(size % packet for packet in _TS_PACKETS)
         return self._format == "yuv4mpegpipe" and size > self._last_byte
 
     def _ends_early(self) -> bool:
         # Files with dropped or trimmed frames announce more of them than they play.
-        if self._packets >= self.announced_frames > 0 or self._announced_end is None:
+        if self._packets >= self._announced_frames > 0 or self._announced_end is None:
             return False
         slack = max(_SLACK_SECONDS, _SLACK_FRAMES * self._longest_gap)
-        if self.announced_frames:
+        if self._announced_frames:
             slack = _COUNTED_SLACK_FRAMES * self._longest_gap
         return self._reached < self._announced_end - slack
 
-    def _note_gap(self, packet: Packet[Stream]) -> None:
-        """Keep the longest time between frames; by decoding times, which never jump back."""
+    def _update_longest_gap(self, packet: Packet[Stream]) -> None:
+        """Track the longest time between frames, by decoding times, which never jump back."""
         if packet.dts is None or packet.time_base is None:
             return
         dts = float(packet.dts * packet.time_base)
@@ -123,13 +132,14 @@ class Ending:
 def _announced_seconds(container: InputContainer, stream: VideoStream) -> float | None:
     """End of the video by its header, seconds; of the longest stream if no frames are counted.
 
-    The shorter of two statements counts: an edit list cuts the one and not the other.
+    If container and stream disagree, the shorter duration counts: an edit list shortens only one
+    of them.
     """
     whole = container.duration / av.time_base if container.duration else None
     if not stream.frames:
         return whole
     if container.format.name == "avi" and stream.average_rate:
-        # FFmpeg shortens the duration of a cut AVI by the missing bytes; the count it keeps.
+        # FFmpeg reduces the duration of a cut AVI by the missing bytes, but not the frame count.
         return float(stream.frames / stream.average_rate)
     own = None
     if stream.duration and stream.time_base:

@@ -1,4 +1,4 @@
-"""An .rrd read back through Rerun's own reader."""
+"""`RerunLog`: .rrd files read back through Rerun's reader."""
 
 from __future__ import annotations
 
@@ -105,10 +105,10 @@ def test_boxes(recording):
     assert one["Boxes2D:labels"] == ["boat"]
 
 
-def test_outlines_are_closed_and_go_with_their_target(recording):
-    seen, lost = (recording["/camera/outlines"][frame] for frame in (4, 5))
-    assert seen["LineStrips2D:strips"] == [[[1, 2], [4, 2], [4, 6], [1, 6], [1, 2]]]
-    assert seen["LineStrips2D:class_ids"] == [5]
+def test_outlines_are_closed_and_removed_when_lost(recording):
+    visible, lost = (recording["/camera/outlines"][frame] for frame in (4, 5))
+    assert visible["LineStrips2D:strips"] == [[[1, 2], [4, 2], [4, 6], [1, 6], [1, 2]]]
+    assert visible["LineStrips2D:class_ids"] == [5]
     assert lost["LineStrips2D:strips"] == []
 
 
@@ -133,22 +133,22 @@ def test_without_targets_and_motion(tmp_path):
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_a_file_is_whole_after_an_exception(tmp_path, error):
+def test_file_is_complete_after_an_exception(tmp_path, error):
     path = tmp_path / "r.rrd"
     log = RerunLog(path)
 
     def fail():
         with log:
             log.write(0, 0.0, IMAGE, [moving(0)], ["boat"])
-            raise error("on its way")
+            raise error("failed while logging")
 
-    with pytest.raises(error, match="on its way"):
+    with pytest.raises(error, match="failed while logging"):
         fail()
     assert numbers(read(path)["/targets/1/score"]) == [0.0]
     log.close()
 
 
-def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
+def test_existing_file_is_kept_until_new_one_is_complete(tmp_path):
     path = tmp_path / "r.rrd"
     path.write_text("older")
     with pytest.raises(SinkError, match="exists already"):
@@ -161,7 +161,7 @@ def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ["r.rrd"]
 
 
-def test_names_and_ids_must_be_as_many_as_tracks(tmp_path):
+def test_number_of_names_and_ids_must_match_tracks(tmp_path):
     with RerunLog(tmp_path / "r.rrd") as log:
         with pytest.raises(ArgumentError, match="1 tracks with 0 names and 1 ids"):
             log.write(0, 0.0, IMAGE, [moving(0)], [])
@@ -177,15 +177,15 @@ def test_names_and_ids_must_be_as_many_as_tracks(tmp_path):
         pytest.param("r.mp4", "is written as .rrd", id="another kind"),
     ],
 )
-def test_what_cannot_be_written_is_told(tmp_path, name, words):
+def test_unwritable_file_raises_sink_error(tmp_path, name, words):
     (tmp_path / "folder.rrd").mkdir()
     with pytest.raises(SinkError, match=words):
         RerunLog(tmp_path / name)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
-def test_a_full_disk_is_told_and_stops_nothing(tmp_path):
-    """In a process of its own: the SDK by itself would not even let it end."""
+def test_full_disk_raises_sink_error_and_does_not_hang(tmp_path):
+    """In a separate process: the SDK alone would keep it from exiting."""
     (tmp_path / "r.rrd").symlink_to("/dev/full")
     code = (
         "import sys, numpy as np; from ssiam.exchange import RerunLog\n"
@@ -201,13 +201,13 @@ def test_a_full_disk_is_told_and_stops_nothing(tmp_path):
     assert "No space left on device" in last
 
 
-def test_an_sdk_that_is_missing_is_named(tmp_path, monkeypatch):
+def test_missing_sdk_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'ssiam\[rerun\]'$"):
         RerunLog(tmp_path / "r.rrd")
 
 
-def test_no_viewer_no_port_no_settings(tmp_path):
+def test_no_viewer_and_no_port(tmp_path):
     psutil = pytest.importorskip("psutil")
     before = psutil.Process()
     children, ports = before.children(), before.net_connections()

@@ -1,4 +1,4 @@
-"""Frames with the ones after them."""
+"""`with_following`: frames paired with the next one."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from ssiam.errors import StreamError
 from ssiam.video import open_source, with_following
 
 
-def test_each_frame_comes_with_the_next_one(tmp_path):
+def test_frames_are_paired_with_the_next(tmp_path):
     path = write_clip(tmp_path / "clip.mp4")
     with open_source(path) as source:
         pairs = list(with_following(source))
@@ -16,17 +16,17 @@ def test_each_frame_comes_with_the_next_one(tmp_path):
     assert pairs[-1][1] is None
 
 
-def test_a_broken_file_delivers_its_last_frame_before_the_error(tmp_path):
+def test_last_frame_is_delivered_before_an_error(tmp_path):
     path = cut(write_clip(tmp_path / "clip.avi", codec="mpeg4"), 0.5)
-    with open_source(path) as source, pytest.raises(StreamError) as told:
+    with open_source(path) as source, pytest.raises(StreamError) as plain:
         list(source)
     seen = []
     with open_source(path) as source:
         pairs = with_following(source)
-        with pytest.raises(StreamError) as told_late:
+        with pytest.raises(StreamError) as paired:
             seen.extend((frame.index, after and after.index) for frame, after in pairs)
-    count = int(str(told.value).split("broke off after ")[1].split()[0])
-    assert str(told_late.value) == str(told.value)
+    count = int(str(plain.value).split("broke off after ")[1].split()[0])
+    assert str(paired.value) == str(plain.value)
     assert seen == [*((i, i + 1) for i in range(count - 1)), (count - 1, None)]
 
 

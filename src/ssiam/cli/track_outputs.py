@@ -1,4 +1,4 @@
-"""What `ssiam track` writes: where it goes (`Destinations`), and all of it as one sink."""
+"""Outputs of `ssiam track`: their paths (`OutputPaths`), and all sinks as one (`Outputs`)."""
 
 from __future__ import annotations
 
@@ -25,23 +25,25 @@ from ssiam.video import (
     side_by_side,
 )
 from ssiam.video.results import result_paths
-from ssiam.video.source_files import check_apart_from_source
+from ssiam.video.source_files import check_distinct_from_source
 
 
 @dataclass(frozen=True)
-class Destinations:
-    """Where `ssiam track` writes; what is None is not written.
+class OutputPaths:
+    """Paths of the outputs of `ssiam track`.
 
     Attributes
     ----------
     video, results, plot : Path or None
+        None omits the output.
     layout : str or None
-        Of the results.
+        Layout of the results.
     targets : int
+        Number of targets.
     overwrite : bool
         Whether existing files may be replaced.
-    left : tuple of Path
-        Parts of these outputs that earlier runs left.
+    left_parts : tuple of Path
+        Partial files of these outputs from earlier runs.
     """
 
     video: Path | None
@@ -50,11 +52,11 @@ class Destinations:
     layout: str | None
     targets: int
     overwrite: bool
-    left: tuple[Path, ...] = ()
+    left_parts: tuple[Path, ...] = ()
 
     @classmethod
-    def by_default(cls, stem: str, targets: int, overwrite: bool) -> Destinations:
-        """``STEM-tracked.mp4`` and ``.csv`` in the current folder, counted up to free names."""
+    def default(cls, stem: str, targets: int, overwrite: bool) -> OutputPaths:
+        """``STEM-tracked.mp4`` and ``.csv`` in the current folder, numbered to be unused."""
         left: list[Path] = []
         for number in count(1):
             name = f"{stem}-tracked" if number == 1 else f"{stem}-tracked-{number}"
@@ -66,7 +68,7 @@ class Destinations:
         raise AssertionError("unreachable: the names do not end")
 
     @classmethod
-    def given(
+    def explicit(
         cls,
         video: Path | None,
         results: Path | None,
@@ -74,14 +76,14 @@ class Destinations:
         layout: str | None,
         targets: int,
         overwrite: bool,
-    ) -> Destinations:
-        """The files that the user named; `SinkError` for results of an unknown kind."""
+    ) -> OutputPaths:
+        """The paths given by the user; `SinkError` for an unknown kind of results."""
         chosen = cls(video, results, plot, layout, targets, overwrite)
         left = [part for _, path in chosen.files() for part in left_parts(path)]
-        return replace(chosen, left=tuple(left))
+        return replace(chosen, left_parts=tuple(left))
 
     def files(self) -> list[NamedPath]:
-        """All files that will be written, with their options."""
+        """All files to be written, with their options."""
         results = self.results and result_paths(
             self.results, layout=self.layout, targets=self.targets
         )
@@ -90,32 +92,32 @@ class Destinations:
         return [*found, *(("--results", path) for path in results or ())]
 
     def check(self, source: str, weights: Sequence[NamedPath]) -> None:
-        """Refuse outputs that are inputs or that cannot be written, before anything is opened.
+        """Check the outputs before anything is opened.
 
         Raises
         ------
         ArgumentError
             An output is an input, or two outputs are one file.
         SinkError
-            One exists and is not to be overwritten, or cannot be written.
+            An output cannot be written, or exists and is not to be overwritten.
         """
-        check_apart_from_source(self.files(), source, weights)
+        check_distinct_from_source(self.files(), source, weights)
         for _, path in self.files():
             check_output(path, overwrite=self.overwrite)
 
 
 class Outputs:
-    """The video, the results and the plot of one run; each may be left out.
+    """The video, the results and the plot of one run, each optional; a context manager.
 
-    All of them are opened at once, so that one that cannot be written is known before any work
-    is done. Each gets its name when it is whole, also after Ctrl-C; when one of them cannot be
-    written any more, the others too stay in their parts.
+    All of them are opened on construction, so that an unwritable one fails before any work is
+    done. Each is renamed to its final name when it is complete, also after Ctrl-C. If one of them
+    fails to be written, all remain in their parts.
     """
 
     def __init__(
         self,
         source: Source,
-        destinations: Destinations,
+        paths: OutputPaths,
         *,
         side_by_side: bool,
         config: StabilizerConfig,
@@ -125,51 +127,51 @@ class Outputs:
         self._video: VideoSink | None = None
         self._results: ResultSink | None = None
         self._plot: PathPlot | None = None
-        overwrite = destinations.overwrite
+        overwrite = paths.overwrite
         with ExitStack() as stack:
             stack.callback(self._abandon)
-            if destinations.results is not None:
+            if paths.results is not None:
                 self._results = open_results(
-                    destinations.results,
-                    layout=destinations.layout,
-                    targets=destinations.targets,
+                    paths.results,
+                    layout=paths.layout,
+                    targets=paths.targets,
                     overwrite=overwrite,
                 )
-            if destinations.plot is not None:
-                self._plot = PathPlot(destinations.plot, config.window, overwrite=overwrite)
-            if destinations.video is not None:
-                self._video = _video_sink(destinations.video, source, overwrite=overwrite)
+            if paths.plot is not None:
+                self._plot = PathPlot(paths.plot, config.window, overwrite=overwrite)
+            if paths.video is not None:
+                self._video = _video_sink(paths.video, source, overwrite=overwrite)
             stack.pop_all()
 
     def locations(self) -> list[tuple[str, Path]]:
-        """What was written, and where it is now: under its name or in its part."""
+        """Kind and current path of each output: its name or its part."""
         video, plot = self._video and self._video.location, self._plot and self._plot.location
         found = [("video", video)] if video else []
         found += [("results", path) for path in (self._results.locations if self._results else ())]
         return found + ([("plot", plot)] if plot else [])
 
     @property
-    def remarks(self) -> list[str]:
-        """What is not in the video, a line each; complete after the outputs are closed."""
+    def notes(self) -> list[str]:
+        """What the video lacks, one line each; complete after the outputs are closed."""
         if not self._video:
             return []
-        silence, left_out = self._video.silence, self._video.left_out
-        lines = [f"video: has no sound: {silence}"] if silence else []
-        if left_out:
+        no_sound, dropped = self._video.sound_omitted, self._video.dropped_frames
+        lines = [f"video: has no sound: {no_sound}"] if no_sound else []
+        if dropped:
             lines.append(
-                f"video: {left_out} frames are left out, which come faster than the one rate of "
-                "an AVI; write .mp4 or .mkv to have all"
+                f"video: {dropped} frames are omitted, because they come faster than the fixed "
+                "rate of an AVI; write .mp4 or .mkv to keep them"
             )
         return lines
 
     def write(self, frame: Frame, tracks: Sequence[Track], fps: float | None = None) -> None:
-        """Write one frame and its targets."""
+        """Write one frame and the tracks of its targets."""
         if self._results:
             self._results.write(frame.index, frame.time, tracks)
         if self._plot:
             self._plot.write(tracks[0])
         if self._video:
-            self._video.write(self._picture(frame.image, tracks, fps), frame.time)
+            self._video.write(self._annotated(frame.image, tracks, fps), frame.time)
 
     def __enter__(self) -> Outputs:
         return self
@@ -194,7 +196,7 @@ class Outputs:
             if sink is not None:
                 sink.abandon()
 
-    def _picture(self, image: Image, tracks: Sequence[Track], fps: float | None) -> Image:
+    def _annotated(self, image: Image, tracks: Sequence[Track], fps: float | None) -> Image:
         drawn = draw_tracks(image, tracks, fps=fps)
         if not self._side_by_side:
             return drawn
@@ -204,12 +206,12 @@ class Outputs:
 
 
 def _video_sink(path: Path, source: Source, *, overwrite: bool) -> VideoSink:
-    facts = source.facts
+    info = source.info
     return VideoSink(
         path,
         source.fps,
         overwrite=overwrite,
-        pixel_aspect=facts.pixel_aspect,
-        is_variable=facts.is_variable,
-        sound=facts.sound,
+        pixel_aspect=info.pixel_aspect,
+        is_variable=info.is_variable,
+        sound=info.sound,
     )

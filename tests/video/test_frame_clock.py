@@ -1,4 +1,4 @@
-"""Rates and times of written frames."""
+"""Frame rates and times of written frames."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from helpers.video_clips import NTSC
-from ssiam.video.clock import Clock, as_rate
+from ssiam.video.sinks import _exact_rate, _FrameClock
 
 RATES = [
     ("fraction", NTSC, NTSC),
@@ -21,31 +21,31 @@ RATES = [
 
 @pytest.mark.parametrize(("given", "exact"), [r[1:] for r in RATES], ids=[r[0] for r in RATES])
 def test_rates_are_exact(given, exact):
-    assert as_rate(given) == exact
-    clock = Clock(as_rate(given))
-    assert [clock.ticks() * clock.time_base for _ in range(4)] == [i / exact for i in range(4)]
+    assert _exact_rate(given) == exact
+    clock = _FrameClock(_exact_rate(given))
+    assert [clock.next_ticks() * clock.time_base for _ in range(4)] == [i / exact for i in range(4)]
     assert clock.time_base <= Fraction(1, 10_000)
 
 
 CLOCKS = [
-    # name of the case, times, expected seconds at 25 frames a second
+    # name of the case, times, expected seconds at 25 frames per second
     ("origin", [5.0, 5.04, 5.2], [0, 0.04, 0.2]),
-    ("jump back goes on", [5.0, 5.04, 1.0, 1.1], [0, 0.04, 0.08, 0.18]),
+    ("jump back continues", [5.0, 5.04, 1.0, 1.1], [0, 0.04, 0.08, 0.18]),
     ("jump ahead is a pause", [0, 0.04, 60.0], [0, 0.04, 60.0]),
-    ("unknown follows", [0, None, None, 0.5], [0, 0.04, 0.08, 0.5]),
+    ("unknown time follows", [0, None, None, 0.5], [0, 0.04, 0.08, 0.5]),
 ]
 
 
 @pytest.mark.parametrize(("times", "seconds"), [c[1:] for c in CLOCKS], ids=[c[0] for c in CLOCKS])
-def test_clock(times, seconds):
-    clock = Clock(Fraction(25))
-    told = [float(clock.ticks(time) * clock.time_base) for time in times]
-    assert told == pytest.approx(seconds, abs=1e-4)
+def test_clock_converts_times(times, seconds):
+    clock = _FrameClock(Fraction(25))
+    seconds_in_file = [float(clock.next_ticks(time) * clock.time_base) for time in times]
+    assert seconds_in_file == pytest.approx(seconds, abs=1e-4)
 
 
-def test_clock_never_stands_still_and_does_not_drift():
-    clock = Clock(Fraction(25), only_whole_frames=True)
+def test_clock_is_strictly_increasing_and_does_not_drift():
+    clock = _FrameClock(Fraction(25), whole_frames=True)
     jittered = [i / 25 + (0.019 if i % 3 else -0.019) for i in range(1, 500)]
-    ticks = [clock.ticks(time) for time in jittered]
+    ticks = [clock.next_ticks(time) for time in jittered]
     assert all(later > earlier for earlier, later in pairwise(ticks))
     assert abs(ticks[-1] - 498) <= 1

@@ -1,0 +1,201 @@
+"""`read_annotations`: reads the .csv and .jsonl files of ``ssiam track``, checking every line."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from ssiam.errors import AnnotationsError, ArgumentError
+from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
+from ssiam.video.results import COLUMNS
+
+_Record: TypeAlias = Mapping[str, float | None]
+
+_REQUIRED: Final = COLUMNS[: COLUMNS.index("y4") + 1]
+_LONGEST_LINE: Final = 2048  # bytes; those written by ssiam have less than 500
+_MOST_LINES: Final = 1_000_000  # nine hours of one target at 30 frames per second
+_LARGEST_NUMBER: Final = 1e12  # whose square every format can still represent
+_LONGEST_VALUE: Final = 40  # characters of a bad value that a message quotes
+# Exports contain one line per frame up to the last one.
+_LAST_FRAME: Final = 999_999
+_LAST_TARGET: Final = 1000
+
+
+def read_annotations(
+    path: str | Path,
+    size_wh: tuple[int, int],
+    fps: float | Fraction,
+    names: Sequence[str] | None = None,
+) -> Annotations:
+    """Read a .csv or .jsonl file written by ``ssiam track --results``.
+
+    Parameters
+    ----------
+    path : str or Path
+        Not trusted: the length and number of its lines are limited, and each value is checked.
+    size_wh : (int, int)
+        Width and height of the video's frames, pixels.
+    fps : float or Fraction
+        Frames per second.
+    names : sequence of str, optional
+        One per target; "target 1", "target 2", ... by default.
+
+    Returns
+    -------
+    Annotations
+
+    Raises
+    ------
+    AnnotationsError
+        The file is missing, damaged, or of another kind; one line with file and line number.
+    ArgumentError
+        The number of `names` differs from that of the targets, or `size_wh` or `fps` is
+        impossible.
+    """
+    rows: dict[tuple[int, int], Annotation] = {}
+    for number, record in _read_records(Path(path)):
+        try:
+            row = _annotation(record)
+        except ValueError as error:
+            raise AnnotationsError(f"{path}: line {number}: {error}") from None
+        if rows.setdefault((row.frame, row.target), row) is not row:
+            raise AnnotationsError(
+                f"{path}: line {number}: target {row.target} is in frame {row.frame} a second time"
+            )
+    most = max((target for _, target in rows), default=0)
+    if names is not None and len(names) != most:
+        raise ArgumentError(
+            f"{len(names)} names for the {most} targets of {path}: give one name per target"
+        )
+    named = [f"target {i}" for i in range(1, most + 1)] if names is None else names
+    return Annotations(size_wh, fps, tuple(named), tuple(rows.values()))
+
+
+def _annotation(record: _Record) -> Annotation:
+    """The annotation of a line; `ValueError` with the reason if it is invalid."""
+    x, y, w, h = (record[name] for name in "xywh")
+    points = [record[f"{axis}{number}"] for number in "1234" for axis in "xy"]
+    known = [value for value in points if value is not None]
+    has_box = x is not None and y is not None and w is not None and h is not None
+    return Annotation(
+        _whole(record, "frame", 0, _LAST_FRAME),
+        record["time"],
+        _whole(record, "target", 1, _LAST_TARGET),
+        (x, y, w, h) if has_box else NO_BOX,  # type: ignore[arg-type]
+        tuple(zip(known[::2], known[1::2], strict=True)) if len(known) == len(points) else None,
+        record["score"] or 0.0,
+        bool(_whole(record, "lost", 0, 1)) or not has_box,
+    )
+
+
+def _whole(record: _Record, name: str, lowest: int, highest: int) -> int:
+    value = record[name]
+    if value is None or not value.is_integer() or not lowest <= value <= highest:
+        shown = "missing" if value is None else f"{value:g}"
+        raise ValueError(f"{name} is {shown}, not a whole number from {lowest} to {highest}")
+    return int(value)
+
+
+def _read_records(path: Path) -> Iterator[tuple[int, _Record]]:
+    """Line number and values by column of every line.
+
+    Values are finite, or None if they are missing; booleans are 0 and 1.
+
+    Raises
+    ------
+    AnnotationsError
+        The file cannot be read, is of another kind, has too many or too long lines, or a line
+        is damaged.
+    """
+    lines = _lines(path)
+    parse = _parser(path, lines)
+    for number, line in lines:
+        if not line.strip():
+            continue
+        try:
+            yield number, parse(line.decode("utf-8"))
+        except (ValueError, OverflowError, RecursionError) as error:
+            raise AnnotationsError(f"{path}: line {number}: {_reason(error)}") from None
+
+
+def _parser(path: Path, lines: Iterator[tuple[int, bytes]]) -> Callable[[str], _Record]:
+    suffix = path.suffix.lower()
+    if suffix == ".jsonl":
+        return _json_record
+    if suffix != ".csv":
+        raise AnnotationsError(
+            f"{path}: unknown kind of results; give a .csv or .jsonl of ssiam track --results"
+        )
+    _, header = next(lines, (1, b""))
+    columns = header.decode("utf-8-sig", errors="replace").strip().split(",")
+    missing = [name for name in _REQUIRED if name not in columns]
+    if missing:
+        raise AnnotationsError(
+            f"{path}: line 1 has no column {missing[0]!r}; is it a file of ssiam track --results?"
+        )
+    return partial(_csv_record, columns)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    try:
+        with path.open("rb") as file:
+            for number in count(1):
+                line = file.readline(_LONGEST_LINE + 1)
+                if not line:
+                    return
+                if len(line) > _LONGEST_LINE:
+                    raise AnnotationsError(f"{path}: line {number} has over {_LONGEST_LINE} bytes")
+                if number > _MOST_LINES:
+                    raise AnnotationsError(
+                        f"{path}: line {number}: over {_MOST_LINES} lines; split the file"
+                    )
+                yield number, line
+    except OSError as error:
+        raise AnnotationsError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def _csv_record(columns: Sequence[str], line: str) -> _Record:
+    words = line.strip().split(",")
+    if len(words) != len(columns):
+        raise ValueError(f"has {len(words)} values, but the header has {len(columns)}")
+    values = dict(zip(columns, words, strict=True))
+    return {name: _number(name, values[name].strip() or None) for name in _REQUIRED}
+
+
+def _json_record(line: str) -> _Record:
+    values = json.loads(line)
+    if not isinstance(values, dict):
+        raise ValueError("is not a JSON object")
+    missing = [name for name in _REQUIRED if name not in values]
+    if missing:
+        raise ValueError(f"has no {missing[0]!r}")
+    wrong = [name for name in _REQUIRED if isinstance(values[name], str | list | dict)]
+    if wrong:
+        raise ValueError(f"{wrong[0]} is {str(values[wrong[0]])[:_LONGEST_VALUE]!r}, not a number")
+    return {name: _number(name, values[name]) for name in _REQUIRED}
+
+
+def _number(name: str, value: Any) -> float | None:
+    if value is None:
+        return None
+    try:
+        number = float(value)
+    except ValueError:
+        raise ValueError(f"{name} is {value[:_LONGEST_VALUE]!r}, not a number") from None
+    if not math.isfinite(number) or abs(number) > _LARGEST_NUMBER:
+        raise ValueError(f"{name} is {number}, which is out of range")
+    return number
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, json.JSONDecodeError):
+        return f"is not JSON ({error.msg}); is it cut off?"
+    if isinstance(error, UnicodeDecodeError):
+        return "is not text"
+    return str(error)
