@@ -27,7 +27,7 @@ from ssiam.cli import choice, main
 trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
 choice.TrackerChoice.load = lambda self, config: troubled.troubled_tracker(trouble)
 from ssiam.web import session
-session.Session.__init__.__kwdefaults__ = {"patience": 0.5}
+session.Session.__init__.__kwdefaults__ = {"stall_seconds": 0.5}
 sys.exit(main(sys.argv[2:]))
 """
 
@@ -226,7 +226,7 @@ def test_tracking_that_never_ends_does_not_keep_it_from_ending(clip, start, tmp_
         assert client.next("health")["state"] == "stalled"
         code, complaints = live.end(signal.SIGTERM)
     assert code == 128 + signal.SIGTERM
-    assert "Tracking stands still: frame" in complaints
+    assert "Tracking has stalled: frame" in complaints
     is_whole(tmp_path / name)
 
 

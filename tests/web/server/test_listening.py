@@ -1,4 +1,4 @@
-"""Where the server listens, and whether it asks for a token there."""
+"""Where the server listens, and whether it needs a token there."""
 
 import re
 import socket
@@ -6,10 +6,10 @@ from contextlib import closing
 
 import pytest
 
-from ssiam.web.server.listening import ServerError, access_to, listen, page_address
+from ssiam.web.server.serving import ServerError, access_to, listen, page_address
 
 LISTENERS = [
-    # host, whether a token is asked for, needed at last, names
+    # host, needs_token, whether a token is needed, names
     ("127.0.0.1", False, False, {"127.0.0.1", "localhost", "::1"}),
     ("localhost", False, False, {"localhost"}),
     ("127.0.0.2", False, False, {"127.0.0.2"}),
@@ -18,10 +18,10 @@ LISTENERS = [
 ]
 
 
-@pytest.mark.parametrize(("host", "wanted", "needed", "names"), LISTENERS)
-def test_only_the_loopback_needs_no_token(host, wanted, needed, names):
+@pytest.mark.parametrize(("host", "needs_token", "needed", "names"), LISTENERS)
+def test_only_the_loopback_needs_no_token(host, needs_token, needed, names):
     with closing(listen(host, 0)) as listener:
-        access = access_to(listener, host, needs_token=wanted)
+        access = access_to(listener, host, needs_token=needs_token)
         assert access.port == listener.getsockname()[1]
         assert (access.token is not None) == needed
         assert names <= access.names
@@ -33,9 +33,9 @@ def test_only_the_loopback_needs_no_token(host, wanted, needed, names):
     assert "0.0.0.0" not in address
 
 
-@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no addresses of version 6")
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no IPv6")
 @pytest.mark.parametrize(("host", "needed"), [("::1", False), ("::", True)])
-def test_addresses_of_version_6_are_as_good(host, needed):
+def test_ipv6_addresses(host, needed):
     with closing(listen(host, 0)) as listener:
         access = access_to(listener, host, needs_token=False)
         assert (access.token is not None) == needed
@@ -44,13 +44,13 @@ def test_addresses_of_version_6_are_as_good(host, needed):
         assert "[::]" not in page_address(listener, access)
 
 
-def test_tokens_are_never_the_same():
+def test_tokens_are_unique():
     with closing(listen("127.0.0.1", 0)) as listener:
         tokens = {access_to(listener, "x", needs_token=True).token for _ in range(3)}
     assert len(tokens) == 3
 
 
-def test_a_taken_port_is_named_in_one_line():
+def test_a_port_in_use_is_named_in_one_line():
     with closing(listen("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         with pytest.raises(ServerError, match=rf"127\.0\.0\.1, port {port} .*--port") as caught:
@@ -58,11 +58,13 @@ def test_a_taken_port_is_named_in_one_line():
     assert "\n" not in str(caught.value)
 
 
-PLACES = [("203.0.113.9", 0), ("no such name", 0), ("x" * 300, 0), ("127.0.0.1", 65536)]
+INVALID = [("203.0.113.9", 0), ("no such name", 0), ("x" * 300, 0), ("127.0.0.1", 65536)]
 
 
-@pytest.mark.parametrize(("host", "port"), PLACES, ids=["elsewhere", "no name", "long", "port"])
-def test_where_nobody_can_listen_is_named_in_one_line(host, port):
+@pytest.mark.parametrize(
+    ("host", "port"), INVALID, ids=["foreign address", "unknown name", "long", "port"]
+)
+def test_an_invalid_address_is_named_in_one_line(host, port):
     with pytest.raises(ServerError) as caught:
         listen(host, port)
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""A server that opens, hands out its page, and ends."""
+"""A server that starts, serves its page, and ends."""
 
 import logging
 import subprocess
@@ -14,7 +14,7 @@ FILES = [("/", "text/html"), ("/page/index.html", "text/html"), ("/page/main.js"
 
 
 @pytest.mark.parametrize(("path", "kind"), [*FILES, ("/health", "application/json")])
-def test_page_is_served(live, path, kind):
+def test_the_page_is_served(live, path, kind):
     status, headers, body = live.get(path)
     assert status == 200
     assert kind in headers["content-type"]
@@ -24,7 +24,7 @@ def test_page_is_served(live, path, kind):
     assert (status, body, head["content-length"]) == (200, b"", headers["content-length"])
 
 
-def test_the_token_opens_the_door_and_is_never_logged(caplog):
+def test_the_token_gives_access_and_is_never_logged(caplog):
     caplog.set_level(logging.DEBUG)
     with serving(needs_token=True) as live:
         token = live.server.access.token
@@ -40,14 +40,14 @@ def test_the_token_opens_the_door_and_is_never_logged(caplog):
     assert all(token not in record.getMessage() for record in ours)
 
 
-def test_the_port_is_free_again():
+def test_the_port_is_released():
     with serving() as live:
         port = live.port
     with serving(port=port) as live:
         assert live.get("/health")[0] == 200
 
 
-def test_all_are_told_when_the_server_ends():
+def test_clients_are_disconnected_when_the_server_ends():
     with serving() as live:
         clients = [Client(live) for _ in range(3)]
         clients[0].next("step")
@@ -55,7 +55,7 @@ def test_all_are_told_when_the_server_ends():
         live.server.close()
         assert [client.close_code() for client in clients] == [1001] * 3
         before = live.session.newest.number
-        until(lambda: live.session.newest.number >= before + 3)  # the session goes on
+        until(lambda: live.session.newest.number >= before + 3)  # the session continues
 
 
 def test_run_serves_until_it_is_interrupted(tmp_path):
@@ -67,10 +67,10 @@ with serving() as live:
     live.server.close()
 from ssiam.web.server.serving import LiveServer
 server = LiveServer(live.session, port=0)
-def look():
+def request():
     print(urllib.request.urlopen(f"http://127.0.0.1:{server.access.port}/health").status)
     signal.raise_signal(signal.SIGINT)
-threading.Timer(0.3, look).start()
+threading.Timer(0.3, request).start()
 server.run()
 print("ended")
 """
@@ -81,7 +81,7 @@ print("ended")
     assert done.stdout.split() == ["200", "ended"], done.stderr
 
 
-def test_without_the_extra_one_line_says_what_to_install():
+def test_without_a_package_the_error_names_the_extra():
     code = """
 import sys
 for package in ("starlette", "uvicorn", "websockets"):
