@@ -47,7 +47,7 @@ class ScriptedSession:
         self._work.put((None, None))
         self._thread.join()
 
-    def say(self, note):
+    def notify(self, note):
         """Notes are discarded."""
 
     def listen(self, listener):

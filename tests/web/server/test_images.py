@@ -38,7 +38,7 @@ def make_step():
         done=0.0,
         fps=30.0,
         dropped=0,
-        playing="playing",
+        playback="playing",
     )
 
 
