@@ -26,7 +26,7 @@ def test_a_tracker_that_fails_is_shown_and_the_session_goes_on(visit, viewport):
         visitor = visit(server.address, viewport)
         visitor.until_step(lambda step: True)
         server.session.submit(Add(BOX, name="boat")).result(10)
-        visitor.page.locator(".target .trouble", has_text="come apart").wait_for()
+        visitor.page.locator(".target .problem", has_text="come apart").wait_for()
         visitor.page.get_by_role("log").get_by_text("tracker of boat").wait_for()
         number = visitor.state()["step"]["number"]
         visitor.until(lambda state: state["step"]["number"] > number + 25 and state["boxes"])
@@ -85,7 +85,7 @@ def test_a_recording_that_ends_early_is_shown_with_its_reason(visit, tmp_path):
         server.session._feed.resize((240, 180))
         visitor.until_step(lambda step: step["size"] == [240, 180] and not step["recording"])
         reason = "the frame size changed from 160x120 to 240x180 pixels"
-        visitor.page.locator(".recordings .trouble", has_text=reason).wait_for()
+        visitor.page.locator(".recordings .problem", has_text=reason).wait_for()
         visitor.page.get_by_role("log").get_by_text(reason).wait_for()
         visitor.page.get_by_role("link", name="cvat.xml").wait_for()
         visitor.page.get_by_role("button", name="Record", exact=True).wait_for()
