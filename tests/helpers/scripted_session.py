@@ -62,7 +62,7 @@ class ScriptedSession:
         """Make a step, and wait until all listeners were called."""
         return self.submit("step").result(SECONDS)
 
-    def place(self, id, box, lost=False):
+    def set_target(self, id, box, lost=False):
         """Set a target's box from the next step on."""
         self._last_id = max(self._last_id, id)
         self.targets[id] = Target(id, f"target {id}", "#ffffff", Track(box, lost=lost))
@@ -85,7 +85,7 @@ class ScriptedSession:
     def _execute(self, command):
         match command:
             case Add(xywh) if self.refusal is None:
-                self.place(self._last_id + 1, xywh)
+                self.set_target(self._last_id + 1, xywh)
                 return self._last_id
             case Add():
                 raise CommandError(self.refusal, "refused by the script")

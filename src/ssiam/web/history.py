@@ -20,9 +20,9 @@ _MAX_REPLAYED: Final = 24  # steps through which a new target is tracked
 class StepHistory:
     """Recent steps, and all since one that is held.
 
-    Drawing a box takes a person seconds, during which the source goes on. A step into which
-    somebody draws is held with the steps after it. The longer the hold, the fewer of these remain.
-    A new target is tracked through them to the present.
+    Drawing a box takes a person seconds, during which the source continues. The step into which
+    the box is drawn is held, with the steps after it; the longer the hold, the fewer of these
+    remain. The new target is tracked through them to the present.
     """
 
     def __init__(self) -> None:

@@ -60,7 +60,7 @@ class ErrorReporter:
 
 
 class Watchdog:
-    """Detects tasks of one thread that exceed a time limit, on a thread of its own.
+    """Detects tasks of one thread that exceed a time limit, from a separate thread.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from ssiam.web.mavlink.camera_service import StatusInterval
 
 def test_the_requested_interval_is_used(connected):
     session, station = connected
-    session.place(1, (10, 20, 30, 40))
+    session.set_target(1, (10, 20, 30, 40))
 
     def received(steps):
         """Number of statuses received for a number of steps."""

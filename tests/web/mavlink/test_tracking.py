@@ -31,7 +31,7 @@ def test_a_rectangle_is_tracked_and_the_status_sent_at_every_step(connected):
     assert session.submitted == [Add((160, 180, 80, 90))]
     for shift in range(20):
         box = (160 + 7.5 * shift, 180 - 3.25 * shift, 80 + shift, 90)
-        session.place(1, box)
+        session.set_target(1, box)
         session.step()
         status = station.status()
         assert status.tracking_status == ACTIVE
@@ -45,7 +45,7 @@ def test_a_rectangle_is_tracked_and_the_status_sent_at_every_step(connected):
 
 def test_a_box_is_clipped_to_the_frame(connected):
     session, station = connected
-    session.place(1, (-20, 300, 80, 90))
+    session.set_target(1, (-20, 300, 80, 90))
     session.step()
     assert rectangle(station.status(lambda s: s.tracking_status)) == (0, 300, 60, 60)
 
@@ -76,13 +76,13 @@ def test_a_point_is_tracked_as_the_square_around_it(connected, x, y, radius, box
 def test_the_status_of_a_lost_target_has_no_position(connected):
     session, station = connected
     station.ask(RECTANGLE, 0.25, 0.5, 0.375, 0.75)
-    session.place(1, (1, 2, 30, 40), lost=True)
+    session.set_target(1, (1, 2, 30, 40), lost=True)
     session.step()
     status = station.status()
     assert (status.tracking_status, status.target_data) == (ERROR, 0)
     assert math.isnan(status.point_x)
     assert math.isnan(status.rec_top_x)
-    session.place(1, (1, 2, 30, 40))
+    session.set_target(1, (1, 2, 30, 40))
     session.step()
     assert station.status().tracking_status == ACTIVE
 
@@ -103,7 +103,7 @@ def test_stop_removes_the_target(connected):
 
 def test_targets_of_others_are_reported_and_kept(connected):
     session, station = connected
-    session.place(1, (10, 20, 30, 40))
+    session.set_target(1, (10, 20, 30, 40))
     session.step()
     assert rectangle(station.status()) == (10, 20, 30, 40)
     assert station.ask(RECTANGLE, 0.25, 0.5, 0.375, 0.75) == ACCEPTED

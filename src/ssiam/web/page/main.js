@@ -115,7 +115,7 @@ class LivePage {
     this.#newest = null;
     // The cause of a failure is more useful than the loss of the connection.
     const text = this.#health.state === "failed" ? `${this.#health.message}.` : reason;
-    banner(`${text} Trying to reconnect in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
+    banner(`${text} Reconnecting in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
   }
 
   /** Show whether targets are tracked, until the state changes or a new session starts. */

@@ -2,7 +2,7 @@
 
 const DX = "#5cc8ff";
 const DY = "#ffb454";
-const DA = "#d7a3ff";
+const ROTATION = "#d7a3ff";
 const DEGREES = 180 / Math.PI; // in a radian
 const SPAN = 10; // seconds
 const MAX_POINTS = 2400; // per trace
@@ -147,7 +147,7 @@ export class Charts {
   constructor() {
     const named = (name, color) => [name, { name, color }];
     this.#shift.setTraces(new Map([named("dx", DX), named("dy", DY)]));
-    this.#rotation.setTraces(new Map([named("da", DA)]));
+    this.#rotation.setTraces(new Map([named("angle", ROTATION)]));
   }
 
   get #all() {
@@ -160,7 +160,7 @@ export class Charts {
     const known = motion?.reliable ? motion : null;
     const shifts = known ? [["dx", known.dx], ["dy", known.dy]] : [];
     this.#shift.add(time, new Map(shifts));
-    this.#rotation.add(time, new Map(known ? [["da", known.angle * DEGREES]] : []));
+    this.#rotation.add(time, new Map(known ? [["angle", known.angle * DEGREES]] : []));
     this.#score.add(time, new Map(targets.map(({ id, score }) => [id, score])));
     this.#score.setTraces(
       new Map(targets.map(({ id, name, colour: color }) => [id, { name, color }])),

@@ -56,14 +56,14 @@ class Access:
     any_address: bool = False
     token: str | None = None
 
-    def knows(self, host: str) -> bool:
+    def accepts_host(self, host: str) -> bool:
         """Whether a ``Host`` header names this server."""
         name, port = _split(host)
         if port != self.port:
             return False
         return name in self.names or (self.any_address and _is_address(name))
 
-    def admits(self, token: str | None) -> bool:
+    def accepts_token(self, token: str | None) -> bool:
         """Whether a client with this token may do more than load the page."""
         if self.token is None:
             return True
@@ -109,7 +109,7 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> HTTPStatus | None:
         hosts, origins = _values(scope, b"host"), _values(scope, b"origin")
-        if len(hosts) != 1 or not self._access.knows(hosts[0]):
+        if len(hosts) != 1 or not self._access.accepts_host(hosts[0]):
             return HTTPStatus.FORBIDDEN
         if origins not in ([], [f"http://{hosts[0]}"]):
             return HTTPStatus.FORBIDDEN
@@ -118,7 +118,7 @@ class Guard:
                 return HTTPStatus.METHOD_NOT_ALLOWED
             if self._is_public(scope["path"]):
                 return None
-        return None if self._access.admits(_token(scope)) else HTTPStatus.FORBIDDEN
+        return None if self._access.accepts_token(_token(scope)) else HTTPStatus.FORBIDDEN
 
 
 def _split(host: str) -> tuple[str, int | None]:
