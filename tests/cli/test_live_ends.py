@@ -27,7 +27,7 @@ from ssiam.cli import main, options
 trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
 options.TrackerOptions.load = lambda self, config: troubled.troubled_tracker(trouble)
 from ssiam.web import session
-session.Session.__init__.__kwdefaults__ = {"patience": 0.5}
+session.Session.__init__.__kwdefaults__ = {"stall_seconds": 0.5}
 sys.exit(main(sys.argv[2:]))
 """
 
@@ -226,7 +226,7 @@ def test_hanging_tracker_does_not_block_exit(clip, start, tmp_path):
         assert client.next("health")["state"] == "stalled"
         code, errors = live.end(signal.SIGTERM)
     assert code == 128 + signal.SIGTERM
-    assert "Tracking stands still: frame" in errors
+    assert "Tracking has stalled: frame" in errors
     check_complete(tmp_path / name)
 
 

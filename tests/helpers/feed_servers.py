@@ -1,4 +1,4 @@
-"""Servers on this machine for the tests of feeds: files, and a camera that sends JPEGs."""
+"""Local servers for the tests of feeds: a file server and a JPEG camera."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ def _serving(handler, port=0):
 
 @contextmanager
 def file_server(folder):
-    """The address of a server of the files in `folder`."""
+    """A server of the files in `folder`; yields its address."""
     with _serving(partial(_Quiet, directory=folder)) as port:
         yield f"http://127.0.0.1:{port}"
 
 
 class JpegCamera:
-    """A network camera: JPEGs without end, each with its number in it, over HTTP.
+    """A network camera: an endless stream of numbered JPEGs over HTTP.
 
-    `hang_up` ends all connections and refuses new ones until `come_back`.
+    `hang_up` closes all connections and refuses new ones until `come_back`.
     """
 
     def __init__(self, fps=100):
@@ -61,7 +61,7 @@ class JpegCamera:
 
     @contextmanager
     def on_air(self):
-        """The address, with a password in it."""
+        """Start the server; yields its address, which contains a password."""
         camera = self
 
         class Handler(_Quiet):

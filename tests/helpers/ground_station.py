@@ -1,28 +1,28 @@
-"""A ground station that follows a script."""
+"""A scripted ground station."""
 
 import socket
 import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
-SECONDS = 10  # after which a test gives up
+SECONDS = 10  # timeout of a test
 HERE = "127.0.0.1"
-# Results of commands, MAV_RESULT.
-ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = range(5)
-# Commands and messages of a camera that tracks.
+# MAV_RESULT.
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+# Commands and messages of a tracking camera.
 RECTANGLE, POINT = mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, mavlink.MAV_CMD_CAMERA_TRACK_POINT
 STOP, INTERVAL = mavlink.MAV_CMD_CAMERA_STOP_TRACKING, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 STATUS = mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS
 INFORMATION = mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION
-# What it says of its target, CAMERA_TRACKING_STATUS_FLAGS.
+# CAMERA_TRACKING_STATUS_FLAGS.
 IDLE, ACTIVE, ERROR = 0, 1, 2
 
 
 class GroundStation:
-    """System 255, component 190, on a UDP port of its own.
+    """System 255, component 190, on a free UDP port.
 
-    `peer` is the camera's address; None: the one that the first message comes from.
+    `peer` is the camera's address, by default the sender of the first message.
     """
 
     def __init__(self, peer=None):
@@ -47,17 +47,17 @@ class GroundStation:
             return None
         return self.mavlink.decode(bytearray(data))
 
-    def until(self, name, seconds=SECONDS, wanted=lambda message: True):
-        """The next message of that name, or None."""
+    def until(self, name, seconds=SECONDS, condition=lambda message: True):
+        """The next message of this type that meets the condition, or None."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             message = self.receive(left)
-            if message and message.get_type() == name and wanted(message):
+            if message and message.get_type() == name and condition(message):
                 return message
         return None
 
-    def status(self, wanted=lambda status: True):
-        return self.until("CAMERA_TRACKING_IMAGE_STATUS", wanted=wanted)
+    def status(self, condition=lambda status: True):
+        return self.until("CAMERA_TRACKING_IMAGE_STATUS", condition=condition)
 
     def send(self, message):
         self.send_bytes(bytes(message.pack(self.mavlink)))
@@ -68,7 +68,7 @@ class GroundStation:
         self.socket.sendto(data, self.peer)
 
     def ask(self, command, *params, to=(1, 100), confirmation=0, seconds=SECONDS):
-        """Send a command; the result in its acknowledgement, None where there is none."""
+        """Send a command; returns the result in its COMMAND_ACK, or None without one."""
         self.send(command_long(command, *params, to=to, confirmation=confirmation))
         return self.result(command, seconds)
 

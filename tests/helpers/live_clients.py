@@ -1,4 +1,4 @@
-"""Clients of a session that is being served."""
+"""WebSocket clients of a served session."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from helpers.live_server import SECONDS, until
 
 
 class Client:
-    """A socket to the session, with what came until now sorted."""
+    """A WebSocket client of the session."""
 
     def __init__(self, live, *, acknowledge=True, **options):
         self._acknowledge = acknowledge
@@ -34,11 +34,11 @@ class Client:
         self._stack.close()
 
     def vanish(self):
-        """Leave without a word."""
+        """Drop the connection without a close frame."""
         self.socket.socket.close()
 
     def close_code(self):
-        """The code that the server closes with, whatever it sends before."""
+        """The code with which the server closes; messages before it are discarded."""
         try:
             while True:
                 self.socket.recv(timeout=SECONDS)
@@ -49,7 +49,7 @@ class Client:
         self.socket.send(json.dumps(message))
 
     def next(self, kind, seconds=SECONDS):
-        """The next message of this type; a step as header and {view: picture}."""
+        """The next message of this type; a step as header and {view: image}."""
         while True:
             message = self.socket.recv(timeout=seconds)
             found = read_step(message) if isinstance(message, bytes) else json.loads(message)
@@ -72,7 +72,7 @@ class Client:
 
 
 class Watcher:
-    """A good client: acknowledges every step, and counts them."""
+    """A well-behaved client that acknowledges and counts all steps."""
 
     def __init__(self, live):
         self._live = live
@@ -82,7 +82,7 @@ class Watcher:
         self._thread.start()
 
     def _watch(self):
-        # A connection that is lost ends it, which `wait` notices.
+        # If the connection is lost the thread ends, which `wait` notices.
         with suppress(ConnectionClosed):
             while True:
                 message = self._client.socket.recv()
@@ -92,25 +92,25 @@ class Watcher:
                     self.numbers.append(number)
 
     def wait(self, count):
-        """Wait for so many steps more."""
+        """Wait for `count` more steps."""
         wanted = len(self.numbers) + count
         until(lambda: len(self.numbers) >= wanted or not self._thread.is_alive())
         assert self._thread.is_alive(), "the connection was lost"
 
     @contextmanager
     def undisturbed(self):
-        """Whatever happens meanwhile, the session goes on, and its steps arrive here."""
+        """Check that steps keep arriving here during the block."""
         self.wait(1)
-        made, got = self._live.session.newest.number, len(self.numbers)
-        brought = self._live.feed.brought
+        made, received = self._live.session.newest.number, len(self.numbers)
+        delivered = self._live.feed.delivered
         yield
         self.wait(4)
         made = self._live.session.newest.number - made
-        got = len(self.numbers) - got
-        brought = self._live.feed.brought - brought
-        # Who attacks runs in this process too, and takes its share of it.
-        assert made >= brought / 2 - 3
-        assert got >= made / 3 - 3
+        received = len(self.numbers) - received
+        delivered = self._live.feed.delivered - delivered
+        # The attacker runs in this process too, and takes some of its time.
+        assert made >= delivered / 2 - 3
+        assert received >= made / 3 - 3
 
     def close(self):
         self._client.close()
@@ -118,25 +118,25 @@ class Watcher:
 
 
 def read_header(message):
-    """Header of a binary message, and where it ends."""
+    """Header of a binary message, and the offset of its end."""
     (length,) = struct.unpack_from(">I", message)
     return json.loads(message[4 : 4 + length]), 4 + length
 
 
 def read_step(message):
-    """Header and {view: picture} of a binary message."""
-    (header, at), pictures = read_header(message), {}
+    """Header and {view: image} of a binary message."""
+    (header, at), images = read_header(message), {}
     for entry in header["pictures"]:
         jpeg = message[at : at + entry["bytes"]]
-        pictures[entry["view"]] = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+        images[entry["view"]] = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
         at += entry["bytes"]
     assert at == len(message)
-    return header, pictures
+    return header, images
 
 
-def step_until(client, wanted):
-    """The header of the first step that is as wanted."""
+def step_until(client, condition):
+    """The header of the first step that meets the condition."""
     while True:
         header, _ = client.next("step")
-        if wanted(header):
+        if condition(header):
             return header

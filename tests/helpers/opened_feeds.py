@@ -1,4 +1,4 @@
-"""Feeds that are opened for a test, and the frames that come of them."""
+"""Feeds that are opened for a test, and the frames that they deliver."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import time
 from contextlib import contextmanager
 
 from helpers.video_clips import number_in
-from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.opening import open_feed
 
-SOON = 10.0
+TIMEOUT = 10.0  # seconds
 
 
 def wait_for(condition):
-    end = time.monotonic() + SOON
+    end = time.monotonic() + TIMEOUT
     while not condition():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "timed out"
         time.sleep(0.005)
 
 
 @contextmanager
 def opened(spec, **options):
     notes = []
-    feed = open_feed(str(spec), notes=notes.append, **options)
+    feed = open_feed(str(spec), notify=notes.append, **options)
     try:
         yield feed, notes
     finally:

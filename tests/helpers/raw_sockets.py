@@ -1,4 +1,4 @@
-"""Connections that say whatever they like to the server, byte by byte."""
+"""Raw TCP connections to the server, for malformed requests and WebSocket frames."""
 
 import socket
 import struct
@@ -8,7 +8,7 @@ from helpers.live_server import SECONDS
 
 
 def raw_socket(live, *, buffer=None):
-    """A connection that has said nothing yet."""
+    """A connection that has sent nothing yet."""
     raw = socket.socket()
     if buffer is not None:
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
@@ -24,14 +24,14 @@ UPGRADE = (
 
 
 def handshake(live, *headers, target=None):
-    """The request that opens a socket."""
+    """The request that opens a WebSocket."""
     target = target or "/session?" + live.url.partition("?")[2]
     lines = [f"GET {target} HTTP/1.1", f"Host: 127.0.0.1:{live.port}", *UPGRADE, *headers]
     return "\r\n".join([*lines, "", ""]).encode("latin-1")
 
 
 def opened(live, **options):
-    """A raw connection that has become a socket."""
+    """A raw connection after the WebSocket handshake."""
     raw = raw_socket(live, **options)
     raw.sendall(handshake(live))
     assert raw.recv(12) == b"HTTP/1.1 101"
@@ -39,7 +39,7 @@ def opened(live, **options):
 
 
 def frame(opcode, payload, *, first=0x80, masked=True, length=None):
-    """One frame of a WebSocket, its mask 0."""
+    """A WebSocket frame with the mask 0."""
     length = len(payload) if length is None else length
     mask = 0x80 if masked else 0
     size = (
@@ -51,7 +51,7 @@ def frame(opcode, payload, *, first=0x80, masked=True, length=None):
 
 
 def read_code(raw):
-    """The code that the server closes with."""
+    """The code with which the server closes the WebSocket."""
     with raw.makefile("rb") as stream:
         while stream.readline() != b"\r\n":
             pass
@@ -66,15 +66,15 @@ def read_code(raw):
                 return int.from_bytes(payload[:2], "big")
 
 
-def send_until_cut_off(raw, data):
-    """Send the same again and again, until nobody takes it."""
-    give_up = time.monotonic() + SECONDS
-    while time.monotonic() < give_up:
+def send_until_closed(raw, data):
+    """Send the same data until the server closes the connection."""
+    deadline = time.monotonic() + SECONDS
+    while time.monotonic() < deadline:
         try:
             raw.sendall(data)
         except (BrokenPipeError, ConnectionResetError):
             return
-    raise AssertionError("the server goes on taking it")
+    raise AssertionError("the server still accepts the data")
 
 
 def status_of(answer):

@@ -1,7 +1,7 @@
-"""A program: an RTSP server of GStreamer's that plays an H.264 mp4 without end, PORT CLIP.
+"""A program: an RTSP server that plays an H.264 mp4 in a loop. Arguments: PORT CLIP.
 
-For the system's Python, which has GStreamer's bindings. The clip's pictures must be stored in the
-order of time, the first of them a key frame.
+It uses GStreamer, whose bindings only the system's Python has. The clip must start with a key frame
+and have no B-frames.
 """
 
 import itertools
@@ -18,7 +18,7 @@ STEP = Gst.SECOND // FPS
 
 
 def packets_of(clip):
-    """The clip's format and its packets, which start with a key frame."""
+    """The clip's format and its packets."""
     pipeline = Gst.parse_launch(
         "filesrc name=file ! qtdemux ! video/x-h264 ! appsink name=out sync=false"
     )
@@ -35,7 +35,7 @@ def packets_of(clip):
 
 
 class Loop:
-    """Feeds one pipeline at the clip's pace, without end."""
+    """Feeds a pipeline in real time, without end."""
 
     def __init__(self, caps, packets):
         self._caps = caps

@@ -1,4 +1,4 @@
-"""A session whose every step is written by the test."""
+"""A session whose steps are made by the test."""
 
 import queue
 import threading
@@ -10,29 +10,27 @@ import numpy as np
 from ssiam.geometry import IDENTITY
 from ssiam.track import Track
 from ssiam.video import Frame
-from ssiam.web.commands import Add, Remove
-from ssiam.web.errors import CommandError
-from ssiam.web.info import SessionInfo
-from ssiam.web.rota import Rota
-from ssiam.web.step import Step, Target
+from ssiam.web.events import Listeners
+from ssiam.web.types import Add, CommandError, Remove, SessionInfo, Step, Target
 
-SECONDS = 10  # after which a test gives up
+SECONDS = 10  # timeout of a test
 SIZE = (640, 360)
 
 
 class ScriptedSession:
-    """Stands for a `Session`: on a thread of its own, but a step comes when it is told to.
+    """A stand-in for `Session`, on its own thread, that makes a step when `step` is called.
 
-    `targets` are those of the next step, `asked` is all that was asked for.
+    `targets` are those of the next step; `submitted` are all commands so far. Commands are
+    executed while `ready` is set, and refused with the code `refusal` if it is not None.
     """
 
     def __init__(self):
         self.newest = None
-        self.targets, self.asked, self.refusal = {}, [], None
-        self.busy = threading.Event()
-        self.busy.set()
-        self._given = 0
-        self._listeners = Rota()
+        self.targets, self.submitted, self.refusal = {}, [], None
+        self.ready = threading.Event()
+        self.ready.set()
+        self._last_id = 0
+        self._listeners = Listeners()
         self._work = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -49,8 +47,8 @@ class ScriptedSession:
         self._work.put((None, None))
         self._thread.join()
 
-    def say(self, note):
-        """Nobody listens to notes."""
+    def notify(self, note):
+        """Notes are discarded."""
 
     def listen(self, listener):
         return self._listeners.add(listener)
@@ -61,12 +59,12 @@ class ScriptedSession:
         return answer
 
     def step(self):
-        """Make a step, and wait until everybody has been told."""
+        """Make a step, and wait until all listeners were called."""
         return self.submit("step").result(SECONDS)
 
-    def draw(self, id, box, lost=False):
-        """Where a target is from the next step on."""
-        self._given = max(self._given, id)
+    def set_target(self, id, box, lost=False):
+        """Set a target's box from the next step on."""
+        self._last_id = max(self._last_id, id)
         self.targets[id] = Target(id, f"target {id}", "#ffffff", Track(box, lost=lost))
 
     def _run(self):
@@ -77,20 +75,20 @@ class ScriptedSession:
             if command == "step":
                 answer.set_result(self._step())
                 continue
-            self.busy.wait(SECONDS)
-            self.asked.append(command)
+            self.ready.wait(SECONDS)
+            self.submitted.append(command)
             try:
-                answer.set_result(self._carry_out(command))
+                answer.set_result(self._execute(command))
             except CommandError as error:
                 answer.set_exception(error)
 
-    def _carry_out(self, command):
+    def _execute(self, command):
         match command:
             case Add(xywh) if self.refusal is None:
-                self.draw(self._given + 1, xywh)
-                return self._given
+                self.set_target(self._last_id + 1, xywh)
+                return self._last_id
             case Add():
-                raise CommandError(self.refusal, "so it was written")
+                raise CommandError(self.refusal, "refused by the script")
             case Remove(id):
                 if self.targets.pop(id, None) is None:
                     raise CommandError("no-such-target", f"there is no target {id}")
@@ -102,5 +100,5 @@ class ScriptedSession:
         self.newest = Step(
             number, frame, targets, None, IDENTITY, "off", now, now, 30.0, 0, "playing"
         )
-        self._listeners.tell(self.newest)
+        self._listeners.notify(self.newest)
         return self.newest

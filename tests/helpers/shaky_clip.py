@@ -1,4 +1,4 @@
-"""A shaking clip on disk, of a patch that walks through a drawn world; its boxes are known."""
+"""A shaking clip of a patch that moves over a synthetic background, with its true boxes."""
 
 import cv2
 import numpy as np
@@ -11,8 +11,8 @@ SIZE = (320, 240)
 PATCH = (40, 36)  # width, height
 
 
-def shaky_frames(count, *, seed=3, start=(60, 90), step=(1.2, 0.3), away=range(0)):
-    """Frames (240, 320, 3) and the patch's boxes in them; it is hidden in the frames `away`."""
+def shaky_frames(count, *, seed=3, start=(60, 90), step=(1.2, 0.3), hidden=range(0)):
+    """Frames (240, 320, 3) and the patch's boxes; the patch is hidden in the frames `hidden`."""
     r = generator(seed)
     background = world(seed, SIZE)
     patch = cv2.resize(r.integers(0, 256, (6, 7, 3), np.uint8), PATCH)
@@ -20,7 +20,7 @@ def shaky_frames(count, *, seed=3, start=(60, 90), step=(1.2, 0.3), away=range(0
     for index, pose in enumerate(poses(r.normal(0, (4, 4, 0.01), (count, 3)), SIZE)):
         x, y = (round(s + index * d) for s, d in zip(start, step, strict=True))
         scene = background.copy()
-        if index not in away:
+        if index not in hidden:
             scene[y : y + PATCH[1], x : x + PATCH[0]] = patch
         frames.append(seen(scene, pose))
         boxes.append(map_box(pose, (x, y, *PATCH)))
@@ -28,7 +28,7 @@ def shaky_frames(count, *, seed=3, start=(60, 90), step=(1.2, 0.3), away=range(0
 
 
 def write_clip(path, count=90, fps=30, **options):
-    """Write such a clip; the patch's box in every frame."""
+    """Write the clip; returns the patch's box in every frame."""
     frames, boxes = shaky_frames(count, **options)
     with VideoSink(path, fps) as sink:
         for frame in frames:

@@ -1,4 +1,4 @@
-"""Recordings are whole files: the video plays, the results and exports fit to it."""
+"""Recordings are complete: the video plays, the tables and exports match it."""
 
 import csv
 import json
@@ -20,25 +20,24 @@ from ssiam.errors import SinkError, StreamError
 from ssiam.geometry import IDENTITY
 from ssiam.track import Track
 from ssiam.video import Frame, open_source
-from ssiam.web import recorder, recording_files
-from ssiam.web.errors import CommandError
+from ssiam.web import recording, recording_files
 from ssiam.web.recording import Recordings
-from ssiam.web.step import Step, Target
+from ssiam.web.types import CommandError, Step, Target
 
 RATE = 25
 
 
 def steps(count, *, targets=lambda index: (1,)):
-    """Steps of a clip, with the patch as the targets of those ids."""
+    """Steps of a clip, with the patch as the targets of these ids."""
     frames, boxes = shaky_frames(count)
     for index, (image, box) in enumerate(zip(frames, boxes, strict=True)):
-        seen = tuple(
+        states = tuple(
             Target(id, f"patch {id}", "#00ff00", Track(box, 0.9, lost=index % 10 == 9))
             for id in targets(index)
         )
         frame = Frame(index + 100, index / RATE, image)
         yield Step(
-            index + 1, frame, seen, None, IDENTITY, "off", 0.0, 0.0, RATE, 0, "playing", None
+            index + 1, frame, states, None, IDENTITY, "off", 0.0, 0.0, RATE, 0, "playing", None
         )
 
 
@@ -59,7 +58,7 @@ def recordings():
     kept.close()
 
 
-def test_every_file_of_a_recording_fits_to_its_video(recordings):
+def test_every_file_of_a_recording_matches_its_video(recordings):
     name = recorded(recordings, 30)
     (listed,) = recordings.listing()
     assert (listed["frames"], listed["seconds"]) == (30, pytest.approx(1.2))
@@ -80,7 +79,7 @@ def test_every_file_of_a_recording_fits_to_its_video(recordings):
         assert archive.testzip() is None
 
 
-def test_targets_may_come_and_go(recordings):
+def test_targets_can_be_added_and_removed(recordings):
     name = recorded(recordings, 12, targets=lambda index: () if index < 4 else (3, 5))
     rows = list(csv.DictReader(recordings.path(name, "results.csv").open()))
     assert {(row["frame"], row["target"]) for row in rows} == {
@@ -90,18 +89,18 @@ def test_targets_may_come_and_go(recordings):
     assert {each["attributes"]["track_id"] for each in coco["annotations"]} == {3, 5}
 
 
-def test_the_boxes_are_drawn_into_the_video(recordings):
+def test_boxes_are_drawn_into_the_video(recordings):
     drawn = recorded(recordings, 3)
     plain = recorded(recordings, 3, targets=lambda index: ())
     first = [
         next(open_source(recordings.path(name, "video.mp4"))).image.astype(int)
         for name in (drawn, plain)
     ]
-    apart = np.abs(first[0] - first[1])
-    assert apart.max() > 60
+    difference = np.abs(first[0] - first[1])
+    assert difference.max() > 60
 
 
-def test_a_frame_that_is_told_of_twice_is_recorded_once(recordings):
+def test_a_repeated_frame_is_recorded_once(recordings):
     name = recordings.begin(RATE)
     for step in steps(4):
         recordings.write(step)
@@ -118,9 +117,9 @@ def test_a_recording_without_targets_is_a_video(recordings):
     assert recordings.listing()[0]["files"] == ["video.mp4", "results.csv", "results.jsonl"]
 
 
-def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
+def test_a_change_of_the_frame_size_finishes_the_recording(recordings):
     notes, listings = [], []
-    recordings.notes(notes.append)
+    recordings.listen_notes(notes.append)
     recordings.listen(listings.append)
     name = recordings.begin(RATE)
     for step in steps(3):
@@ -134,11 +133,11 @@ def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
     recordings.write(odd)
     while len(listings) < 2:
         time.sleep(0.01)
-    reason = "frames have 640x480 pixels now, not 320x240"
+    reason = "the frame size changed from 320x240 to 640x480 pixels"
     assert listings[-1][0]["error"] == reason
     assert {"cvat.xml", "coco.json", "labelstudio.json"} <= set(listings[-1][0]["files"])
     assert [note.message for note in notes] == [
-        f"recording {name} has ended: {reason}; the rest is kept"
+        f"recording {name} ended early: {reason}; the rest is kept"
     ]
     with open_source(recordings.path(name, "video.mp4")) as frames:
         assert len(list(frames)) == 3
@@ -147,7 +146,7 @@ def test_frames_of_another_size_end_it_and_keep_what_was_there(recordings):
 
 @pytest.fixture
 def small_files():
-    """No file may grow beyond 60,000 bytes: the disk is as good as full."""
+    """Limits files to 60,000 bytes, to simulate a full disk."""
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
@@ -156,7 +155,7 @@ def small_files():
     signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_what_a_full_disk_leaves_of_a_video_is_listed_and_plays(recordings, small_files):
+def test_after_a_full_disk_the_partial_video_is_listed_and_plays(recordings, small_files):
     name = recordings.begin(RATE)
     for step in steps(60):
         recordings.write(step)
@@ -181,13 +180,13 @@ def test_what_a_full_disk_leaves_of_a_video_is_listed_and_plays(recordings, smal
         pytest.param("NAME", "/etc/passwd", id="absolute"),
     ],
 )
-def test_only_files_that_it_lists_are_told(recordings, name, file):
+def test_only_listed_files_have_a_path(recordings, name, file):
     known = recorded(recordings, 2)
     with pytest.raises(KeyError):
         recordings.path(known if name == "NAME" else name, file)
 
 
-def test_an_open_recording_cannot_be_fetched_and_is_the_only_one(recordings):
+def test_an_open_recording_cannot_be_downloaded_and_is_the_only_one(recordings):
     name = recordings.begin(RATE)
     with pytest.raises(KeyError):
         recordings.path(name, "video.mp4")
@@ -195,38 +194,38 @@ def test_an_open_recording_cannot_be_fetched_and_is_the_only_one(recordings):
         recordings.begin(RATE)
 
 
-def test_everybody_hears_of_changes(recordings):
-    told: SimpleQueue[list] = SimpleQueue()
-    end = recordings.listen(told.put)
+def test_listeners_are_called_on_changes(recordings):
+    listings: SimpleQueue[list] = SimpleQueue()
+    unlisten = recordings.listen(listings.put)
     recorded(recordings, 2)
-    assert [told.get(timeout=10)[0]["open"] for _ in range(2)] == [True, False]
-    end()
+    assert [listings.get(timeout=10)[0]["open"] for _ in range(2)] == [True, False]
+    unlisten()
     recorded(recordings, 2)
-    recordings.close()  # waits until there is nothing more to tell
-    assert told.empty()
+    recordings.close()  # waits for the last change
+    assert listings.empty()
 
 
-def test_recordings_are_kept_where_that_is_wished(tmp_path):
+def test_recordings_are_kept_in_the_given_folder(tmp_path):
     kept = Recordings(tmp_path / "kept")
     name = recorded(kept, 2)
     kept.close()
     assert (tmp_path / "kept" / name / "video.mp4").stat().st_size > 0
 
 
-def test_recordings_of_a_session_are_gone_with_it(recordings):
+def test_without_a_folder_recordings_are_deleted(recordings):
     path = recordings.path(recorded(recordings, 2), "video.mp4")
     recordings.close()
     assert not path.exists()
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+def test_a_folder_that_cannot_be_created_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SinkError, match="file/there cannot be made"):
+    with pytest.raises(SinkError, match="file/there cannot be created"):
         Recordings(tmp_path / "file" / "there")
 
 
-def test_results_have_the_times_of_their_own_video(recordings):
-    """A recording begins in the middle of a session, whose source jumps back and is uneven."""
+def test_results_have_the_times_of_their_video(recordings):
+    """The recording starts mid-session, and the source's times are uneven and jump back."""
     name = recordings.begin(RATE)
     seconds = [37.0, 37.2, 37.4, 37.9, 2.0, 2.2]
     for step, time_ in zip(steps(6), seconds, strict=True):
@@ -244,7 +243,7 @@ def test_results_have_the_times_of_their_own_video(recordings):
     assert listed["seconds"] == pytest.approx(1.18, abs=2e-3)
 
 
-def test_recorded_pixels_are_shown_as_the_source_shows_them(recordings):
+def test_the_pixel_aspect_of_the_source_is_kept(recordings):
     name = recordings.begin(RATE, Fraction(16, 15))
     for step in steps(3):
         recordings.write(step)
@@ -255,36 +254,36 @@ def test_recorded_pixels_are_shown_as_the_source_shows_them(recordings):
         assert frames.info.pixel_aspect == Fraction(16, 15)
 
 
-def test_an_export_that_fails_keeps_no_other_from_being_written(recordings, monkeypatch):
-    whole = recording_files.write_exports
+def test_an_export_that_fails_does_not_affect_the_others(recordings, monkeypatch):
+    original = recording_files.write_exports
     notes = []
-    recordings.notes(notes.append)
+    recordings.listen_notes(notes.append)
 
     def failing(annotations, path, kind, video="video.mp4"):
         if kind == "coco":
             raise RuntimeError("no categories")
-        whole(annotations, path, kind, video)
+        original(annotations, path, kind, video)
 
     monkeypatch.setattr(recording_files, "write_exports", failing)
     name = recorded(recordings, 5)
     (listed,) = recordings.listing()
     assert "coco.json" not in listed["files"]
     assert {"cvat.xml", "labelstudio.json", "got10k.zip"} <= set(listed["files"])
-    assert "there is no whole coco.json: RuntimeError: no categories" in listed["error"]
+    assert "coco.json was not written: RuntimeError: no categories" in listed["error"]
     recordings.close()
-    assert f"recording {name} is not whole" in notes[0].message
+    assert f"recording {name} is incomplete" in notes[0].message
 
 
-def test_a_frame_that_cannot_be_drawn_ends_the_recording_and_nothing_else(recordings, monkeypatch):
-    drawn, calls = recorder.draw_tracks, []
+def test_a_frame_that_cannot_be_drawn_finishes_the_recording(recordings, monkeypatch):
+    original, calls = recording.draw_tracks, []
 
     def failing(*given, **options):
         calls.append(given)
         if len(calls) == 4:
             raise RuntimeError("no font")
-        return drawn(*given, **options)
+        return original(*given, **options)
 
-    monkeypatch.setattr(recorder, "draw_tracks", failing)
+    monkeypatch.setattr(recording, "draw_tracks", failing)
     name = recordings.begin(RATE)
     for step in steps(8):
         recordings.write(step)
@@ -304,13 +303,13 @@ def test_a_frame_that_cannot_be_drawn_ends_the_recording_and_nothing_else(record
     "content",
     [
         pytest.param(b"", id="empty"),
-        pytest.param(b"nonsense", id="no JSON"),
+        pytest.param(b"nonsense", id="not JSON"),
         pytest.param(b"[1]", id="a list"),
         pytest.param(b'{"fps": "1/0", "size_wh": [1, 1], "frames": 1, "names": {}}', id="no rate"),
         pytest.param(b'{"fps": "30", "size_wh": [1], "frames": 1, "names": {}}', id="no size"),
     ],
 )
-def test_damaged_facts_of_an_earlier_recording_hide_no_other(tmp_path, content):
+def test_damaged_metadata_of_an_earlier_recording_affects_no_other(tmp_path, content):
     kept = Recordings(tmp_path)
     names = [recorded(kept, 3) for _ in range(2)]
     kept.close()

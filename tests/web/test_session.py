@@ -1,4 +1,4 @@
-"""A session on real files: what is asked for happens between two frames, and is told."""
+"""A session on real files: commands are executed between two frames."""
 
 import threading
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.shaky_clip import SIZE, write_clip
-from helpers.watched_session import Watched
+from helpers.watched_session import WatchedSession
 from ssiam.geometry import iou
-from ssiam.web import commands
-from ssiam.web.errors import CommandError
+from ssiam.web import Add, Advance, Hold, Pause, Record, Remove, Rename, Restart, Stabilize
+from ssiam.web.types import CommandError
 
 FRAMES = 60
 
@@ -24,89 +24,89 @@ def overlap(a, b):
     return iou(np.array([a]), np.array([b]))[0]
 
 
-def test_a_target_is_followed_to_the_end(clip):
+def test_a_target_is_tracked_to_the_end(clip):
     path, boxes = clip
-    with Watched(path) as watched:
-        assert watched.ask(commands.Add(boxes[0], name="  the \n patch ")) == 1
-        watched.ask(commands.Pause(False))
-        seen = []
-        watched.until(lambda step: seen.append(step) or step.playing == "ended")
-    followed = {step.frame.index: step.targets[0] for step in seen if step.targets}
-    assert set(followed) == set(range(FRAMES))
-    right = [overlap(followed[index].track.box, boxes[index]) > 0.5 for index in followed]
-    assert sum(right) > 0.9 * FRAMES
-    assert {target.name for target in followed.values()} == {"the patch"}
-    assert [step.number for step in seen] == list(range(seen[0].number, seen[-1].number + 1))
-    assert all(step.arrived <= step.done for step in seen)
+    with WatchedSession(path) as watched:
+        assert watched.ask(Add(boxes[0], name="  the \n patch ")) == 1
+        watched.ask(Pause(False))
+        steps = []
+        watched.until(lambda step: steps.append(step) or step.playback == "ended")
+    tracked = {step.frame.index: step.targets[0] for step in steps if step.targets}
+    assert set(tracked) == set(range(FRAMES))
+    correct = [overlap(tracked[index].track.box, boxes[index]) > 0.5 for index in tracked]
+    assert sum(correct) > 0.9 * FRAMES
+    assert {target.name for target in tracked.values()} == {"the patch"}
+    assert [step.number for step in steps] == list(range(steps[0].number, steps[-1].number + 1))
+    assert all(step.arrived <= step.done for step in steps)
 
 
-def test_a_box_that_is_drawn_into_an_old_step_is_caught_up_with(clip):
+def test_a_box_drawn_into_an_old_step_is_tracked_to_the_newest(clip):
     path, boxes = clip
-    with Watched(path) as watched:
+    with WatchedSession(path) as watched:
         for _ in range(2):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         drawn_into = watched.until(lambda step: step.frame.index == 2)
-        watched.ask(commands.Hold(drawn_into.number))
+        watched.ask(Hold(drawn_into.number))
         for _ in range(28):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 30)
-        watched.ask(commands.Add(boxes[2], drawn_into.number))
+        watched.ask(Add(boxes[2], drawn_into.number))
         (target,) = watched.until(lambda step: step.targets).targets
     assert overlap(target.track.box, boxes[30]) > 0.6
     assert overlap(boxes[2], boxes[30]) < 0.3
 
 
-def test_targets_come_and_go_and_are_renamed(clip):
+def test_targets_are_added_removed_and_renamed(clip):
     path, boxes = clip
-    with Watched(path) as watched:
-        first = watched.ask(commands.Add(boxes[0]))
-        second = watched.ask(commands.Add((200, 150, 30, 30)))
-        watched.ask(commands.Rename(second, "wall"))
+    with WatchedSession(path) as watched:
+        first = watched.ask(Add(boxes[0]))
+        second = watched.ask(Add((200, 150, 30, 30)))
+        watched.ask(Rename(second, "wall"))
         step = watched.until(lambda step: len(step.targets) == 2 and step.targets[1].name == "wall")
         assert step.targets[0].name == "target 1"
-        assert step.targets[0].colour != step.targets[1].colour
-        watched.ask(commands.Remove(first))
-        watched.ask(commands.Advance())
+        assert step.targets[0].color != step.targets[1].color
+        watched.ask(Remove(first))
+        watched.ask(Advance())
         step = watched.until(lambda step: step.frame.index == 1)
         assert [target.id for target in step.targets] == [second]
-        watched.ask(commands.Remove())
-        assert watched.ask(commands.Add(boxes[1])) == 3
+        watched.ask(Remove())
+        assert watched.ask(Add(boxes[1])) == 3
         watched.until(lambda step: [target.id for target in step.targets] == [3])
 
 
 @pytest.mark.parametrize("after", ["off", "paper", "predict"])
 @pytest.mark.parametrize("before", ["off", "predict"])
-def test_the_steadying_is_switched_and_the_target_kept(clip, before, after):
+def test_targets_are_kept_when_the_method_is_switched(clip, before, after):
     path, boxes = clip
-    with Watched(path, stabilize=before) as watched:
-        watched.ask(commands.Add(boxes[0]))
+    with WatchedSession(path, stabilize=before) as watched:
+        watched.ask(Add(boxes[0]))
         for _ in range(5):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 5)
-        watched.ask(commands.Steady(after))
+        watched.ask(Stabilize(after))
         for _ in range(5):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         step = watched.until(lambda step: step.frame.index == 10)
     assert step.stabilize == after
     assert (step.motion is None) == (after == "off")
     assert overlap(step.targets[0].track.box, boxes[10]) > 0.5
 
 
-def test_a_restart_begins_where_the_target_was_drawn(clip):
+def test_after_a_restart_the_target_starts_where_it_was_drawn(clip):
     path, boxes = clip
-    with Watched(path) as watched:
+    with WatchedSession(path) as watched:
         for _ in range(3):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 3)
-        watched.ask(commands.Add(boxes[3]))
+        watched.ask(Add(boxes[3]))
         for _ in range(4):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 7)
-        watched.ask(commands.Restart())
+        watched.ask(Restart())
         step = watched.until(lambda step: step.frame.index == 0)
         assert step.targets == ()
         for _ in range(3):
-            watched.ask(commands.Advance())
+            watched.ask(Advance())
         step = watched.until(lambda step: step.frame.index == 3)
         assert step.targets[0].id == 1
         assert step.targets[0].track.box == boxes[3]
@@ -115,56 +115,56 @@ def test_a_restart_begins_where_the_target_was_drawn(clip):
 @pytest.mark.parametrize(
     ("command", "code"),
     [
-        pytest.param(commands.Add((5, 5, 0, 10)), "bad-box", id="empty box"),
-        pytest.param(commands.Add((900, 5, 10, 10)), "bad-box", id="box elsewhere"),
-        pytest.param(commands.Add((5, 5, float("nan"), 10)), "bad-box", id="no number"),
-        pytest.param(commands.Add((5, 5, 30, 30), 4711), "too-old", id="unknown step"),
-        pytest.param(commands.Add((5, 5, 30, 30), None, "a" * 41), "not-possible", id="long name"),
-        pytest.param(commands.Remove(9), "no-such-target", id="unknown target"),
-        pytest.param(commands.Rename(9, "a"), "no-such-target", id="unknown to rename"),
-        pytest.param(commands.Record(False), "not-possible", id="nothing recorded"),
+        pytest.param(Add((5, 5, 0, 10)), "bad-box", id="empty box"),
+        pytest.param(Add((900, 5, 10, 10)), "bad-box", id="box outside of the frame"),
+        pytest.param(Add((5, 5, float("nan"), 10)), "bad-box", id="NaN"),
+        pytest.param(Add((5, 5, 30, 30), 4711), "too-old", id="unknown step"),
+        pytest.param(Add((5, 5, 30, 30), None, "a" * 41), "not-possible", id="long name"),
+        pytest.param(Remove(9), "no-such-target", id="unknown target"),
+        pytest.param(Rename(9, "a"), "no-such-target", id="unknown to rename"),
+        pytest.param(Record(False), "not-possible", id="no open recording"),
     ],
 )
-def test_what_cannot_be_done_is_told_and_nothing_happens(clip, command, code):
+def test_a_command_that_fails_changes_nothing(clip, command, code):
     path, boxes = clip
-    with Watched(path) as watched:
+    with WatchedSession(path) as watched:
         with pytest.raises(CommandError) as caught:
             watched.ask(command)
         assert caught.value.code == code
         assert "\n" not in str(caught.value)
-        watched.ask(commands.Add(boxes[0]))
-        watched.ask(commands.Advance())
+        watched.ask(Add(boxes[0]))
+        watched.ask(Advance())
         step = watched.until(lambda step: step.frame.index == 1)
         assert [target.id for target in step.targets] == [1]
 
 
-def test_there_are_not_too_many_targets(clip):
+def test_the_number_of_targets_is_limited(clip):
     path, boxes = clip
-    with Watched(path, targets=1) as watched:
-        watched.ask(commands.Add(boxes[0]))
-        with pytest.raises(CommandError, match="1 targets are followed"):
-            watched.ask(commands.Add(boxes[0]))
+    with WatchedSession(path, targets=1) as watched:
+        watched.ask(Add(boxes[0]))
+        with pytest.raises(CommandError, match="1 targets are tracked"):
+            watched.ask(Add(boxes[0]))
 
 
-def test_a_listener_is_told_until_it_ends(clip):
+def test_a_listener_is_called_until_it_is_removed(clip):
     path, _ = clip
-    with Watched(path) as watched:
-        told = []
-        end = watched.session.listen(told.append)
-        watched.ask(commands.Advance())
+    with WatchedSession(path) as watched:
+        steps = []
+        unlisten = watched.session.listen(steps.append)
+        watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 1)
-        end()
-        count = len(told)
+        unlisten()
+        count = len(steps)
         assert count
-        watched.ask(commands.Advance())
+        watched.ask(Advance())
         watched.until(lambda step: step.frame.index == 2)
-        assert len(told) == count
+        assert len(steps) == count
 
 
-def test_nothing_runs_on_after_the_end(clip):
+def test_no_thread_is_left_after_close(clip):
     path, _ = clip
-    with Watched(path, pace="clock") as watched:
-        watched.ask(commands.Pause(False))
+    with WatchedSession(path, pace="clock") as watched:
+        watched.ask(Pause(False))
         assert watched.session.info.size_wh == SIZE
     names = {thread.name for thread in threading.enumerate()}
     assert not {name for name in names if name.startswith("ssiam")}

@@ -25,7 +25,7 @@ from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, left_parts
 from ssiam.video.source_files import check_distinct_from_source
 from ssiam.web import Health, Note, Session
-from ssiam.web.recording import left_behind
+from ssiam.web.recording_files import abandoned_recordings
 
 STUCK: Final = 3
 """Exit code if tracking does not stop."""
@@ -100,9 +100,9 @@ def live(
         )
         stack.push(partial(_exit_if_stuck, session))
         stack.callback(session.close)
-        session.notes(_show)
-        session.healths(_show)
-        for folder in left_behind():
+        session.listen_notes(_show)
+        session.listen_health(_show)
+        for folder in abandoned_recordings():
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
@@ -112,9 +112,9 @@ def live(
 
             stack.enter_context(MavlinkCamera(session, mavlink))
         if rerun is not None:
-            from ssiam.web.rerun_tap import RerunTap
+            from ssiam.web.rerun import RerunRecorder
 
-            stack.enter_context(RerunTap(session, rerun, overwrite=overwrite))
+            stack.enter_context(RerunRecorder(session, rerun, overwrite=overwrite))
         print(f"{session.info.source}: {server.address} (Ctrl-C ends)", flush=True)
         server.run()
     if session.health.state == "failed":

@@ -1,24 +1,28 @@
-"""The live session: frames as they come, targets that are drawn into them, a page to watch.
+"""The live session: frames as they arrive, targets added and removed by command, a web page.
 
-`ssiam.web.serving.LiveServer` serves a `Session` to browsers, and needs the extra ``web``.
+`ssiam.web.server.serving.LiveServer` serves a `Session` to browsers, and needs the extra ``web``.
 """
 
-from ssiam.web.commands import (
+from ssiam.web.session import Session
+from ssiam.web.types import (
     Add,
     Advance,
     Command,
+    CommandError,
+    Health,
     Hold,
+    Note,
     Pause,
     Record,
     Remove,
     Rename,
     Restart,
-    Steady,
+    SessionInfo,
+    SessionLimits,
+    Stabilize,
+    Step,
+    Target,
 )
-from ssiam.web.errors import CommandError, Health, Note
-from ssiam.web.info import SessionInfo, SessionLimits
-from ssiam.web.session import Session
-from ssiam.web.step import Step, Target
 
 __all__ = [
     "Add",
@@ -36,7 +40,7 @@ __all__ = [
     "Session",
     "SessionInfo",
     "SessionLimits",
-    "Steady",
+    "Stabilize",
     "Step",
     "Target",
 ]

@@ -1,4 +1,4 @@
-"""`Session`: a live source, its targets, and whoever watches them."""
+"""`Session`: a live source, its targets, and everybody who watches and controls them."""
 
 from __future__ import annotations
 
@@ -15,49 +15,55 @@ from ssiam.copying import NotCopied
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
-from ssiam.web.commands import Command, Hold
-from ssiam.web.errors import CommandError, Health, Note
-from ssiam.web.feeds.feed import Feed, open_feed
+from ssiam.web.engine import Engine
+from ssiam.web.events import Listeners
+from ssiam.web.feeds.base import Feed
+from ssiam.web.feeds.opening import open_feed
 from ssiam.web.feeds.pushed import PushedFeed
-from ssiam.web.following import Following
-from ssiam.web.info import SessionInfo, SessionLimits
+from ssiam.web.monitoring import ErrorReporter, Watchdog
 from ssiam.web.recording import Recordings
-from ssiam.web.rota import Rota
-from ssiam.web.step import Step
 from ssiam.web.targets import Targets
-from ssiam.web.troubles import Troubles
-from ssiam.web.watchdog import Watchdog
+from ssiam.web.types import (
+    Command,
+    CommandError,
+    Health,
+    Hold,
+    Note,
+    SessionInfo,
+    SessionLimits,
+    Step,
+)
 
 _log = logging.getLogger(__name__)
 
-_WAIT: Final = 0.02  # seconds for a frame, before commands are looked at again
-_CLOSING: Final = 5.0  # seconds that `close` waits for a frame or a command under way
+_FRAME_TIMEOUT: Final = 0.02  # seconds to wait for a frame before commands are processed
+_CLOSE_TIMEOUT: Final = 5.0  # seconds that `close` waits for the current frame or command
 
 
 class Session(NotCopied):
-    """Tracks on a thread of its own; everybody else asks and listens. A context manager.
+    """Tracks on its own thread; clients submit commands and listen to steps. A context manager.
 
-    Threads: its methods may be called from any; what they ask for is done in the one that tracks.
+    Threads: all methods are safe to call from any thread. Commands are executed on the session's.
 
-    An error in a frame or in a command is reported, and the session goes on. A frame or a command
-    that does not end is reported too (`health`); it cannot be interrupted, and everything that is
-    asked meanwhile is refused.
+    An error in a frame or in a command is reported, and the session continues. A frame or a
+    command that exceeds `stall_seconds` is reported too (`health`). It cannot be interrupted, and
+    all commands are refused until it finishes.
 
     Parameters
     ----------
     feed : Feed
-        Where frames come from; closed with the session.
+        Source of the frames; closed with the session.
     tracker : SteadiedTracker
-        The targets' trackers are made from it.
+        Prototype of the targets' trackers.
     name : str
-        The tracker's.
+        Name of the tracker.
     recordings : Recordings
         Closed with the session.
-    news : Rota of Note, optional
-        What the feed's notes are told to.
+    notes : Listeners of Note, optional
+        Shared with the feed, whose notes are then the session's too.
     limits : SessionLimits, optional
-    patience : float
-        Seconds after which a frame or a command counts as one that does not come to an end.
+    stall_seconds : float
+        Duration after which a frame or a command counts as stalled.
     """
 
     def __init__(
@@ -66,23 +72,23 @@ class Session(NotCopied):
         tracker: SteadiedTracker,
         name: str,
         recordings: Recordings,
-        news: Rota[Note] | None = None,
+        notes: Listeners[Note] | None = None,
         limits: SessionLimits | None = None,
-        patience: float = 10.0,
+        stall_seconds: float = 10.0,
     ) -> None:
         self.limits = limits or SessionLimits()
         self.recordings = recordings
         self._feed, self._name = feed, name
-        self._news = Rota[Note]() if news is None else news
-        self._troubles = Troubles(self._news.tell)
-        targets = Targets(tracker, self.limits.targets, self._troubles.tell)
-        self._following = Following(feed, targets, recordings, self._troubles, self._news.tell)
-        recordings.notes(self._news.tell)
-        self._steps: Rota[Step] = Rota()
-        self._health, self._healths = Health(), Rota[Health]()
-        self._watchdog = Watchdog(patience, self._stalled, self._recovered)
-        self._asked: SimpleQueue[tuple[Command, Future[Any]]] = SimpleQueue()
-        self._under_way: Future[Any] | None = None  # answer to the command that is carried out
+        self._notes = Listeners[Note]() if notes is None else notes
+        self._errors = ErrorReporter(self._notes.notify)
+        targets = Targets(tracker, self.limits.targets, self._errors.report)
+        self._engine = Engine(feed, targets, recordings, self._errors, self._notes.notify)
+        recordings.listen_notes(self._notes.notify)
+        self._steps: Listeners[Step] = Listeners()
+        self._health, self._health_changes = Health(), Listeners[Health]()
+        self._watchdog = Watchdog(stall_seconds, self._on_stalled, self._on_recovered)
+        self._commands: SimpleQueue[tuple[Command, Future[Any]]] = SimpleQueue()
+        self._current: Future[Any] | None = None  # of the command that is being executed
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ssiam-session", daemon=True)
 
@@ -103,28 +109,29 @@ class Session(NotCopied):
         Parameters
         ----------
         source : str
-        pace : {"clock", "fast"}
-            Both as `open_feed` takes them, which tells the errors.
+            See `open_feed`, which also lists the errors.
         tracker : SteadiedTracker
         name : str
-            The tracker's, for people.
+            Name of the tracker, for people.
+        pace : {"clock", "fast"}
+            See `open_feed`.
         recordings : Path, optional
-            Folder that keeps them.
+            Folder for recordings; without it they are deleted with the session.
         stream : int, optional
         levels : (low, high), optional
-            Both as `ssiam.video.open_source` takes them.
+            Both as in `ssiam.video.open_source`.
         """
-        news: Rota[Note] = Rota()
-        feed = open_feed(source, pace=pace, notes=news.tell, stream=stream, levels=levels)
+        notes: Listeners[Note] = Listeners()
+        feed = open_feed(source, pace=pace, notify=notes.notify, stream=stream, levels=levels)
         try:
-            return cls(feed, tracker, name, Recordings(recordings), news)
+            return cls(feed, tracker, name, Recordings(recordings), notes)
         except SsiamError:
             feed.close()
             raise
 
     @property
     def info(self) -> SessionInfo:
-        """What is known of the source and the tracker."""
+        """Source and tracker, as known so far."""
         feed, is_webcam = self._feed, isinstance(self._feed, PushedFeed)
         return SessionInfo(
             feed.name, feed.size_wh, feed.fps, feed.length, self._name, feed.seekable, is_webcam
@@ -133,7 +140,7 @@ class Session(NotCopied):
     @property
     def newest(self) -> Step | None:
         """The last step; None before the first frame."""
-        return self._following.newest
+        return self._engine.newest
 
     @property
     def health(self) -> Health:
@@ -141,56 +148,62 @@ class Session(NotCopied):
         return self._health
 
     def submit(self, command: Command) -> Future[Any]:
-        """Ask for something; the answer, or the `SsiamError` why not, comes between two frames."""
+        """Queue a command for execution between two frames.
+
+        Returns
+        -------
+        Future
+            Its result, or the `SsiamError` that says why it was refused.
+        """
         answer: Future[Any] = Future()
-        self._asked.put((command, answer))
+        self._commands.put((command, answer))
         if self._closing.is_set() or self._health.state != "running":
-            self._refuse_waiting()
+            self._refuse_queued()
         return answer
 
     def listen(self, listener: Callable[[Step], object]) -> Callable[[], None]:
-        """Call `listener` after each step, on the session's thread; what is returned ends it."""
+        """Call `listener` after each step, on the session's thread; returns what removes it."""
         return self._steps.add(listener)
 
-    def notes(self, listener: Callable[[Note], None]) -> Callable[[], None]:
-        """Call `listener` with each message for people; what is returned ends it."""
-        return self._news.add(listener)
+    def listen_notes(self, listener: Callable[[Note], None]) -> Callable[[], None]:
+        """Call `listener` with each note; returns what removes it."""
+        return self._notes.add(listener)
 
-    def say(self, note: Note) -> None:
-        """Tell a message to everybody who listens to `notes`."""
-        self._news.tell(note)
+    def listen_health(self, listener: Callable[[Health], None]) -> Callable[[], None]:
+        """Call `listener` whenever `health` changes; returns what removes it."""
+        return self._health_changes.add(listener)
 
-    def healths(self, listener: Callable[[Health], None]) -> Callable[[], None]:
-        """Call `listener` whenever `health` changes; what is returned ends it."""
-        return self._healths.add(listener)
+    def notify(self, note: Note) -> None:
+        """Send a note to all who listen to notes."""
+        self._notes.notify(note)
 
-    def push(self, picture: Image) -> None:
-        """Give a browser's picture (H, W, 3) uint8 BGR to a session that waits for them."""
+    def push(self, image: Image) -> None:
+        """Add a frame (H, W, 3) uint8 BGR from a browser; ignored if the source is another."""
         if isinstance(self._feed, PushedFeed):
-            self._feed.push(picture)
+            self._feed.push(image)
 
     def start(self) -> None:
-        """Begin; to be called once."""
+        """Start tracking. May be called once."""
         self._watchdog.start()
         self._thread.start()
 
     def close(self) -> None:
-        """End everything. May be called twice.
+        """Stop tracking, and close the feed and the recordings. May be called twice.
 
-        A frame or a command that does not come to an end is waited for a few seconds, and then
-        left alone: its thread lasts as long as the process, and `stuck` is True.
+        A frame or a command that does not finish within a few seconds is abandoned: its thread
+        runs until the process ends, and `stuck` is True.
         """
         self._closing.set()
         self._feed.close()
         if self._thread.is_alive():
-            self._thread.join(_CLOSING)
+            self._thread.join(_CLOSE_TIMEOUT)
         self._watchdog.close()
-        self._refuse_waiting()
+        self._refuse_queued()
         self.recordings.close()
 
     @property
     def stuck(self) -> bool:
-        """Whether the session was closed, and its thread still works on a frame or a command."""
+        """Whether the session was closed, but its thread still processes a frame or a command."""
         return self._closing.is_set() and self._thread.is_alive()
 
     def __enter__(self) -> Session:
@@ -203,96 +216,93 @@ class Session(NotCopied):
     def _run(self) -> None:
         try:
             while not self._closing.is_set():
-                self._answer()
-                self._go_on()
+                self._execute_commands()
+                self._process_frame()
         except BaseException as error:
-            # Nothing that is raised may end this thread without a word.
-            self._die(error)
+            # Whatever ends this thread, clients must learn of it.
+            self._fail(error)
 
-    def _go_on(self) -> None:
-        """Take a frame, if one comes."""
-        arrival = self._feed.take(_WAIT)
+    def _process_frame(self) -> None:
+        arrival = self._feed.take(_FRAME_TIMEOUT)
         if arrival is not None:
-            with self._watchdog.over(f"frame {arrival.frame.index}"):
-                self._steps.tell(self._following.see(arrival))
-        elif self.newest is not None and self._following.playing != self.newest.playing:
-            self._tell_again()
+            with self._watchdog.watch(f"frame {arrival.frame.index}"):
+                self._steps.notify(self._engine.process(arrival))
+        elif self.newest is not None and self._engine.playback != self.newest.playback:
+            self._repeat_step()
 
-    def _answer(self) -> None:
-        """Carry out what has been asked for."""
+    def _execute_commands(self) -> None:
         while not self._closing.is_set():
             try:
-                command, answer = self._asked.get_nowait()
+                command, answer = self._commands.get_nowait()
             except Empty:
                 return
             if not answer.set_running_or_notify_cancel():
                 continue
             name = type(command).__name__.lower()
-            self._under_way = answer
+            self._current = answer
             try:
-                with self._watchdog.over(f"the command {name}"):
-                    result = self._following.carry_out(command)
+                with self._watchdog.watch(f"the command {name}"):
+                    result = self._engine.execute(command)
             except SsiamError as error:
                 _settle(answer, error=error)
             except Exception as error:
-                text = self._troubles.tell(f"the command {name}", error)
-                _settle(answer, error=CommandError("failed", f"{name} has failed: {text}"))
+                text = self._errors.report(f"the command {name}", error)
+                _settle(answer, error=CommandError("failed", f"{name} failed: {text}"))
             else:
                 _settle(answer, result)
                 if not isinstance(command, Hold):
-                    self._tell_again()
-            self._under_way = None
+                    self._repeat_step()
+            self._current = None
 
-    def _tell_again(self) -> None:
-        step = self._following.again()
+    def _repeat_step(self) -> None:
+        step = self._engine.repeat()
         if step is not None:
-            self._steps.tell(step)
+            self._steps.notify(step)
 
-    def _stalled(self, work: str) -> None:
-        """Some work takes so long that it may never end; on the watchdog's thread."""
+    def _on_stalled(self, task: str) -> None:
+        """Called on the watchdog's thread."""
         text = (
-            f"Tracking stands still: {work} has not come to an end. Nothing is tracked until it "
-            "does; if it never does, end ssiam (Ctrl-C) and start it again with another tracker "
-            "or box"
+            f"Tracking has stalled: {task} has not finished. Nothing is tracked until it does. "
+            "If it never does, stop ssiam (Ctrl-C) and start it again with another tracker or box"
         )
         _log.info("%s", text)
-        self._become(Health("stalled", text))
-        answer = self._under_way
+        self._set_health(Health("stalled", text))
+        answer = self._current
         if answer is not None:
             _settle(answer, error=CommandError("failed", text))
-        self._refuse_waiting()
+        self._refuse_queued()
 
-    def _recovered(self, work: str, seconds: float) -> None:
-        """It has ended after all; on the session's thread."""
-        text = f"Tracking goes on: {work} took {seconds:.0f} s"
+    def _on_recovered(self, task: str, seconds: float) -> None:
+        """Called on the session's thread."""
+        text = f"Tracking continues: {task} took {seconds:.0f} s"
         _log.info("%s", text)
-        self._become(Health())
-        self._news.tell(Note("info", text))
+        self._set_health(Health())
+        self._notes.notify(Note("info", text))
 
-    def _die(self, error: BaseException) -> None:
+    def _fail(self, error: BaseException) -> None:
         text = f"Tracking has ended because of an error in ssiam: {one_line(error)}"
         _log.critical("%s", text, exc_info=error)
-        self._become(Health("failed", text))
-        if self._under_way is not None:
-            _settle(self._under_way, error=CommandError("failed", text))
-        self._refuse_waiting()
+        self._set_health(Health("failed", text))
+        if self._current is not None:
+            _settle(self._current, error=CommandError("failed", text))
+        self._refuse_queued()
 
-    def _become(self, health: Health) -> None:
+    def _set_health(self, health: Health) -> None:
         self._health = health
-        self._healths.tell(health)
+        self._health_changes.notify(health)
 
-    def _refuse_waiting(self) -> None:
-        """Answer everything that waits: it will not be carried out, or nobody knows when."""
+    def _refuse_queued(self) -> None:
+        """Refuse all queued commands."""
         text = self._health.message or "the session has ended"
         with suppress(Empty):
             while True:
-                _, answer = self._asked.get_nowait()
+                _, answer = self._commands.get_nowait()
                 if answer.set_running_or_notify_cancel():
                     _settle(answer, error=CommandError("not-possible", text))
 
 
 def _settle(answer: Future[Any], result: object = None, *, error: SsiamError | None = None) -> None:
-    """Answer, unless the watchdog has done so already."""
+    """Resolve a future, unless the watchdog has done so already."""
     with suppress(InvalidStateError):
         if error is None:
             answer.set_result(result)

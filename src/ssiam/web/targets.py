@@ -1,10 +1,11 @@
-"""`Targets`: those of a live session, which come and go."""
+"""`Targets`: the targets of a live session, added and removed while it runs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
@@ -13,100 +14,118 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import SteadiedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
-from ssiam.web.errors import CommandError
-from ssiam.web.step import Target
+from ssiam.web.types import CommandError, Target
 
-_NAME_LENGTH = 40
+_MAX_NAME_LENGTH: Final = 40
 
 
 @dataclass
-class _Followed:
-    """A target, how it began, and where it was last; `tracker` is None until it begins."""
+class _TargetState:
+    """A target, its first box and its last track; `tracker` is None until it is initialized."""
 
     id: int
     name: str
-    colour: str
-    index: int  # of the frame in which it was drawn
-    xywh: XYWH
+    color: str
+    first_index: int  # of the frame in which the box was drawn
+    first_xywh: XYWH
     tracker: SteadiedTracker | None = None
     track: Track | None = None
-    found: bool = False
+    redetected: bool = False
     error: str = ""
 
 
 class Targets:
-    """Follows targets on the frames of a session, and keeps their names.
+    """Tracks the targets of a session, with one camera motion for all.
 
-    A tracker that raises is tried again on the next frame, its target counts as lost in this one;
-    a target that cannot begin, or not go on, is removed. Neither concerns the other targets.
+    If a tracker raises an exception, its target counts as lost in this frame, and the tracker runs
+    again on the next one. A target whose tracker cannot be initialized or switched is removed.
+    Other targets are not affected.
 
     Parameters
     ----------
     tracker : SteadiedTracker
-        The targets' trackers are made from it.
-    most : int
-        How many targets there may be.
-    failed : callable
-        Told what went wrong, and the error; returns that as one line.
+        Prototype of the targets' trackers.
+    max_targets : int
+        Maximum number of targets.
+    report_error : callable
+        Called with a context and an exception; returns the exception as one line.
     """
 
     def __init__(
-        self, tracker: SteadiedTracker, most: int, failed: Callable[[str, Exception], str]
+        self,
+        tracker: SteadiedTracker,
+        max_targets: int,
+        report_error: Callable[[str, Exception], str],
     ) -> None:
         self._group = TrackerGroup(tracker, keep_going=True)
-        self._failed = failed
+        self._report_error = report_error
         self._config = tracker.config
-        self._most = most
-        self._followed: list[_Followed] = []
-        self._given = 0
+        self._max_targets = max_targets
+        self._states: list[_TargetState] = []
+        self._last_id = 0
 
     def __len__(self) -> int:
-        return len(self._followed)
+        return len(self._states)
 
     @property
     def config(self) -> StabilizerConfig:
-        """How the frames are steadied."""
+        """Stabilization of the trackers."""
         return self._config
 
     @property
     def motion(self) -> Motion | None:
-        """The camera's motion to the last frame."""
+        """Camera motion to the last frame."""
         return self._group.motion
 
     def begin(self, frame: Frame) -> None:
-        """Take the first frame of a source; the targets begin where they were drawn."""
+        """Start on the first frame of a sequence; targets start again where they were drawn."""
         self._group.init(frame.image, [])
-        for each in self._followed:
-            each.tracker = each.track = None
-            each.found, each.error = False, ""
-        self._report_camera()
-        self._begin_waiting(frame)
+        for state in self._states:
+            state.tracker = state.track = None
+            state.redetected, state.error = False, ""
+        self._report_camera_failure()
+        self._init_pending(frame)
 
     def update(self, frame: Frame) -> None:
-        """Find all targets in the next frame."""
-        running = [each for each in self._followed if each.tracker is not None]
+        """Track all targets in the next frame."""
+        running = [state for state in self._states if state.tracker is not None]
         tracks = self._group.update(frame.image)
-        for place, (each, track) in enumerate(zip(running, tracks, strict=True)):
-            error = self._group.failures.get(place)
-            # A frame on which the tracker failed neither loses the target nor finds it again.
-            was_lost = each.track is not None and each.track.lost and not each.error
-            each.found = was_lost and not track.lost
-            each.track = track
-            each.error = "" if error is None else self._failed(f"the tracker of {each.name}", error)
-        self._report_camera()
-        self._begin_waiting(frame)
+        for index, (state, track) in enumerate(zip(running, tracks, strict=True)):
+            error = self._group.failures.get(index)
+            # A frame in which the tracker failed counts neither as a loss nor as a re-detection.
+            was_lost = state.track is not None and state.track.lost and not state.error
+            state.redetected = was_lost and not track.lost
+            state.track = track
+            context = f"the tracker of {state.name}"
+            state.error = "" if error is None else self._report_error(context, error)
+        self._report_camera_failure()
+        self._init_pending(frame)
 
     def add(self, frames: Sequence[Frame], xywh: XYWH, name: str | None) -> int:
-        """Follow what is in `xywh` of the first of `frames`, the last ones; its id.
+        """Add the target in `xywh` of the first of `frames`, tracked through the others.
+
+        Parameters
+        ----------
+        frames : sequence of Frame
+            In order; the last one is the newest frame of the session.
+        xywh : (x, y, w, h)
+            Raw-frame pixels.
+        name : str or None
+
+        Returns
+        -------
+        int
+            The target's id.
 
         Raises
         ------
         CommandError
-            There are too many targets, or no target can be in that box, or the name is too long.
+            There are too many targets, or the box or the name cannot be used.
         """
-        if len(self._followed) >= self._most:
-            raise CommandError("too-many-targets", f"{self._most} targets are followed already")
-        name = _checked(name or f"target {self._given + 1}")
+        if len(self._states) >= self._max_targets:
+            text = f"{self._max_targets} targets are tracked already: remove one first"
+            raise CommandError("too-many-targets", text)
+        name = _checked_name(name or f"target {self._last_id + 1}")
         tracker = self._group.another()
         try:
             tracker.init(frames[0].image, xywh)
@@ -115,83 +134,84 @@ class Targets:
         track = Track(xywh)
         for frame in frames[1:]:
             track = tracker.update(frame.image)
-        id = self._given + 1
-        colour = _hex(COLORS[(id - 1) % len(COLORS)])
-        followed = _Followed(id, name, colour, frames[0].index, xywh, tracker, track)
+        id = self._last_id + 1
+        color = _hex(COLORS[(id - 1) % len(COLORS)])
+        state = _TargetState(id, name, color, frames[0].index, xywh, tracker, track)
         self._group.join(tracker, track.box)
-        self._followed.append(followed)
-        self._given = id
+        self._states.append(state)
+        self._last_id = id
         return id
 
     def remove(self, id: int | None) -> None:
-        """Follow a target no longer, or none of them."""
-        gone = self._followed if id is None else [self._one(id)]
-        for each in gone:
-            if each.tracker is not None:
-                self._group.leave(each.tracker)
-        self._followed = [each for each in self._followed if each not in gone]
+        """Remove the target with this id; None removes all."""
+        removed = self._states if id is None else [self._state(id)]
+        for state in removed:
+            if state.tracker is not None:
+                self._group.leave(state.tracker)
+        self._states = [state for state in self._states if state not in removed]
 
     def rename(self, id: int, name: str) -> None:
-        """Call a target by another name."""
-        self._one(id).name = _checked(name)
+        """Rename a target."""
+        self._state(id).name = _checked_name(name)
 
-    def steady(self, config: StabilizerConfig, frame: Frame | None) -> None:
-        """Steady by `config` from now on; `frame` is the last one.
+    def switch(self, config: StabilizerConfig, frame: Frame) -> None:
+        """Stabilize by `config` after `frame`, the newest one.
 
         Targets whose trackers cannot be switched are removed.
         """
-        if frame is None:
-            raise CommandError("not-possible", "no frame has come yet: try again when one has")
         self._config = config
-        running = [each for each in self._followed if each.tracker is not None]
+        running = [state for state in self._states if state.tracker is not None]
         self._group.switch(config, frame.image)
-        for place, error in self._group.failures.items():
-            what = f"is removed, for it cannot go on with {config.stabilize}"
-            self._give_up(running[place], what, error)
-        self._report_camera()
+        for index, error in self._group.failures.items():
+            context = f"is removed because it cannot be switched to {config.stabilize}"
+            self._give_up(running[index], context, error)
+        self._report_camera_failure()
 
-    def seen(self) -> tuple[Target, ...]:
-        """All targets that have begun, as they are now."""
+    def snapshot(self) -> tuple[Target, ...]:
+        """The current state of all targets that have been initialized."""
         return tuple(
-            Target(each.id, each.name, each.colour, each.track, each.found, each.error)
-            for each in self._followed
+            Target(each.id, each.name, each.color, each.track, each.redetected, each.error)
+            for each in self._states
             if each.track is not None
         )
 
-    def _begin_waiting(self, frame: Frame) -> None:
-        """Begin the targets that were drawn in this frame, or in one that was left out."""
-        for each in list(self._followed):
-            if each.tracker is not None or frame.index < each.index:
+    def _init_pending(self, frame: Frame) -> None:
+        """Initialize the targets that were drawn in this frame, or in one that was dropped."""
+        for state in list(self._states):
+            if state.tracker is not None or frame.index < state.first_index:
                 continue
             tracker = self._group.another()
             try:
-                tracker.init(frame.image, each.xywh)
+                tracker.init(frame.image, state.first_xywh)
             except Exception as error:
-                self._give_up(each, "is removed, for it cannot begin in these frames", error)
+                context = "is removed because it cannot be initialized in this frame"
+                self._give_up(state, context, error)
                 continue
-            each.tracker, each.track = tracker, Track(each.xywh)
-            self._group.join(tracker, each.xywh)
+            state.tracker, state.track = tracker, Track(state.first_xywh)
+            self._group.join(tracker, state.first_xywh)
 
-    def _give_up(self, target: _Followed, what: str, error: Exception) -> None:
-        """Follow a target no longer, because of an error."""
-        self._failed(f"{target.name} {what}", error)
-        self.remove(target.id)
+    def _give_up(self, state: _TargetState, context: str, error: Exception) -> None:
+        """Remove a target because of an error."""
+        self._report_error(f"{state.name} {context}", error)
+        self.remove(state.id)
 
-    def _report_camera(self) -> None:
+    def _report_camera_failure(self) -> None:
         if self._group.camera_failure is not None:
-            self._failed("the camera's motion in this frame", self._group.camera_failure)
+            context = "the camera motion to this frame"
+            self._report_error(context, self._group.camera_failure)
 
-    def _one(self, id: int) -> _Followed:
-        for each in self._followed:
-            if each.id == id:
-                return each
+    def _state(self, id: int) -> _TargetState:
+        for state in self._states:
+            if state.id == id:
+                return state
         raise CommandError("no-such-target", f"there is no target {id}")
 
 
-def _checked(name: str) -> str:
+def _checked_name(name: str) -> str:
     plain = " ".join(name.split())
-    if not 0 < len(plain) <= _NAME_LENGTH or not plain.isprintable():
-        raise CommandError("not-possible", f"a name has 1 to {_NAME_LENGTH} printable characters")
+    if not 0 < len(plain) <= _MAX_NAME_LENGTH or not plain.isprintable():
+        text = f"a name has 1 to {_MAX_NAME_LENGTH} printable characters"
+        raise CommandError("not-possible", text)
     return plain
 
 

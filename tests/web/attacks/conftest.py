@@ -1,6 +1,6 @@
-"""Servers under attack: whoever means no good is refused or dropped, and nobody else notices.
+"""Servers under attack: hostile clients are refused or disconnected, and no other is affected.
 
-In every test a good client is connected all along, and is sent the session's steps at their rate.
+In every test a well-behaved client is connected too, and must receive steps at the usual rate.
 """
 
 import pytest
@@ -19,7 +19,7 @@ def served():
 
 @pytest.fixture
 def live(served):
-    """A server that must not be disturbed by what the test does."""
+    """A server whose other client must not be disturbed by the test."""
     live, watcher = served
     with watcher.undisturbed():
         yield live

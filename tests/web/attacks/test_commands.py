@@ -1,4 +1,4 @@
-"""A thousand hostile commands, each followed by a good one that is answered."""
+"""A thousand hostile commands, each followed by a valid one that must be answered."""
 
 from __future__ import annotations
 
@@ -18,12 +18,16 @@ from ssiam.web.server.serving import LiveServer
 from ssiam.web.session import Session
 
 COMMANDS = 1000
-# As much as a test may send: what is tested is the session, not the server's allowances.
-PATIENT = ServerLimits(
-    messages_a_second=1e6, burst=10**6, bad_messages=10**6, frames_a_second=10**6, waiting=1000
+# The session is tested here, not the server's limits.
+UNLIMITED = ServerLimits(
+    messages_per_second=1e6,
+    burst=10**6,
+    bad_messages=10**6,
+    frames_per_second=10**6,
+    pending_commands=1000,
 )
-# Hostile or not, a command is answered by one of these, and never by "failed".
-ANSWERS = {
+# Codes of the answers: never "failed", which stands for a bug.
+CODES = {
     None,
     "bad-message",
     "bad-box",
@@ -47,19 +51,19 @@ TEXTS = (
 )
 
 
-def a_number(r):
+def random_number(r):
     return NUMBERS[r.integers(len(NUMBERS))]
 
 
-def a_text(r):
+def random_text(r):
     return TEXTS[r.integers(len(TEXTS))]
 
 
-def a_box(r):
-    """Thin, huge, empty, outside of the frame, or no box at all."""
+def random_box(r):
+    """Thin, huge, empty, outside of the frame, or not a box."""
     kind = r.integers(6)
     if kind == 0:
-        return [a_number(r) for _ in range(r.integers(3, 6))]
+        return [random_number(r) for _ in range(r.integers(3, 6))]
     if kind == 1:
         return [*r.uniform(-20, 150, 2), *r.uniform(0, 2, 2)]
     if kind == 2:
@@ -72,26 +76,31 @@ def a_box(r):
 
 
 HOSTILE = {
-    "add": lambda r: {"box": a_box(r)},
-    "add into": lambda r: {"type": "add", "box": a_box(r), "number": a_number(r)},
-    "add named": lambda r: {"type": "add", "box": [20, 20, 9, 9], "name": a_text(r)},
-    "hold": lambda r: {"number": a_number(r)},
-    "remove": lambda r: {"id": a_number(r)},
-    "rename": lambda r: {"id": a_number(r), "name": a_text(r)},
+    "add": lambda r: {"box": random_box(r)},
+    "add into": lambda r: {"type": "add", "box": random_box(r), "number": random_number(r)},
+    "add named": lambda r: {"type": "add", "box": [20, 20, 9, 9], "name": random_text(r)},
+    "hold": lambda r: {"number": random_number(r)},
+    "remove": lambda r: {"id": random_number(r)},
+    "rename": lambda r: {"id": random_number(r), "name": random_text(r)},
     "steady": lambda r: {"method": ("off", "paper", "predict", "literal", "", None)[r.integers(6)]},
     "pause": lambda r: {},
     "resume": lambda r: {},
     "advance": lambda r: {},
     "restart": lambda r: {},
     "record": lambda r: {"on": (True, False, None, 1, "yes")[r.integers(5)]},
-    "view": lambda r: {"raw": True, "steadied": True, "width": a_number(r), "quality": a_number(r)},
-    "shown": lambda r: {"number": a_number(r)},
-    "nothing": lambda r: {"type": a_text(r)},
+    "view": lambda r: {
+        "raw": True,
+        "steadied": True,
+        "width": random_number(r),
+        "quality": random_number(r),
+    },
+    "shown": lambda r: {"number": random_number(r)},
+    "nothing": lambda r: {"type": random_text(r)},
 }
 
 
-def hostile(r):
-    """The name of a kind, and a message of it."""
+def hostile_command(r):
+    """A random hostile command."""
     kind = list(HOSTILE)[r.integers(len(HOSTILE))]
     fields = HOSTILE[kind](r)
     if isinstance(fields.get("box"), list):
@@ -102,26 +111,26 @@ def hostile(r):
 @pytest.mark.parametrize(
     ("tracker", "count"), [("lite", COMMANDS), ("csrt", 200), ("mil", 100), ("kcf", 200)]
 )
-def test_every_hostile_command_is_followed_by_a_good_one_that_is_answered(tracker, count, tmp_path):
+def test_a_valid_command_is_answered_after_every_hostile_one(tracker, count, tmp_path):
     r = np.random.default_rng(7)
     with (
-        serving(tracker=tracker, limits=PATIENT, recordings=tmp_path) as live,
+        serving(tracker=tracker, limits=UNLIMITED, recordings=tmp_path) as live,
         Client(live) as client,
     ):
         until(lambda: live.session.newest is not None)
         codes = set()
         for number in range(count):
-            codes.add(client.ask(**hostile(r)).get("code"))
+            codes.add(client.ask(**hostile_command(r)).get("code"))
             assert client.ask(type="resume")["type"] == "done"
             if number % 20 == 19:
-                is_well(client)
-        assert codes <= ANSWERS
+                check_tracking(client)
+        assert codes <= CODES
         assert {"bad-box", "no-such-target", "not-possible", None} <= codes
         assert live.session.health.state == "running"
 
 
-def is_well(client):
-    """A target that can be followed is, and steps come."""
+def check_tracking(client):
+    """Check that a target can be added and is tracked."""
     client.ask(type="remove")
     client.ask(type="steady", method="predict")
     added = client.ask(type="add", box=[50, 40, 40, 36], name="good")
@@ -140,7 +149,7 @@ def jpeg(width, height):
 
 @pytest.mark.parametrize("method", ["off", "paper", "predict"])
 def test_frames_of_any_size_from_a_browser(method):
-    with serving(webcam=True, limits=PATIENT) as live, Client(live) as client:
+    with serving(webcam=True, limits=UNLIMITED) as live, Client(live) as client:
         client.socket.send(jpeg(*SIZE))
         step_until(client, lambda step: step["size"] == list(SIZE))
         assert client.ask(type="steady", method=method)["type"] == "done"
@@ -155,29 +164,29 @@ def test_frames_of_any_size_from_a_browser(method):
             added = client.ask(type="add", box=[50, 40, 40, 36])
             assert added["type"] == "done"
             client.socket.send(jpeg(*SIZE))
-            seen = step_until(client, lambda step, good=good: step["index"] > good["index"])
-            assert [target["id"] for target in seen["targets"]] == [added["answer"]]
+            later = step_until(client, lambda step, good=good: step["index"] > good["index"])
+            assert [target["id"] for target in later["targets"]] == [added["answer"]]
             client.ask(type="remove")
 
 
-def test_a_command_that_raises_is_answered_and_the_next_one_too():
-    with serving(limits=PATIENT) as live, Client(live) as client:
+def test_after_a_command_that_raises_the_next_one_is_executed():
+    with serving(limits=UNLIMITED) as live, Client(live) as client:
         until(lambda: live.session.newest is not None)
-        following = live.session._following
-        whole, following._record = following._record, lambda on: 1 / 0
+        engine = live.session._engine
+        original, engine._record = engine._record, lambda on: 1 / 0
         answer = client.ask(type="record", on=True)
         assert (answer["code"], "ZeroDivisionError" in answer["message"]) == ("failed", True)
-        following._record = whole
+        engine._record = original
         assert client.ask(type="record", on=True)["type"] == "done"
         assert client.ask(type="record", on=False)["type"] == "done"
 
 
-def test_what_is_not_text_neither_ends_it():
+def test_damaged_frames_from_a_browser_do_not_end_the_session():
     feed = PushedFeed()
     tracker = ssiam.load_tracker("kcf", stabilize="paper")
     with (
         Session(feed, tracker, "kcf", Recordings()) as session,
-        LiveServer(session, port=0, limits=PATIENT) as server,
+        LiveServer(session, port=0, limits=UNLIMITED) as server,
     ):
         r = np.random.default_rng(3)
         address = f"ws://127.0.0.1:{server.access.port}/session"
@@ -187,8 +196,8 @@ def test_what_is_not_text_neither_ends_it():
             good = jpeg(*SIZE)
             for _ in range(100):
                 bad = bytearray(good)
-                for place in r.integers(2, len(bad) - 2, 20):
-                    bad[place] = r.integers(256)
+                for offset in r.integers(2, len(bad) - 2, 20):
+                    bad[offset] = r.integers(256)
                 socket.send(bytes(bad))
                 socket.send(good)
                 socket.send(json.dumps({"type": "pause", "ask": 1}))

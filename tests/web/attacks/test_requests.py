@@ -1,4 +1,4 @@
-"""Requests that are none, or lead elsewhere, are refused."""
+"""Malformed requests, and paths outside of the page, are refused."""
 
 from contextlib import closing
 from pathlib import Path
@@ -24,12 +24,12 @@ TARGETS = [
 
 
 @pytest.mark.parametrize("method", ["GET", "HEAD"])
-def test_no_path_leads_out_of_the_page(live, token, method):
+def test_no_path_reaches_other_files(live, token, method):
     for target in TARGETS:
         for query in ("", f"?token={token}"):
             status, headers, body = live.get(target + query, method=method)
-            wanted = {404} if query else {404, 403}
-            assert status in wanted, target
+            expected = {404} if query else {404, 403}
+            assert status in expected, target
             assert len(body) < 100
             assert "location" not in headers
 
@@ -38,7 +38,7 @@ BROKEN = [
     ("noise", bytes(range(256)) * 8),
     ("NUL in the path", b"GET /page/\x00 HTTP/1.1\r\nHost: localhost\r\n\r\n"),
     ("space in the path", b"GET /page/a b HTTP/1.1\r\nHost: localhost\r\n\r\n"),
-    ("letters beyond ASCII", "GET /pägé HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()),
+    ("non-ASCII letters", "GET /pägé HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()),
     ("two lengths", b"GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n"),
     ("folded header", b"GET / HTTP/1.1\r\n Host: a\r\n\r\n"),
     ("another protocol", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(500)),
@@ -48,7 +48,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize("request_", [b[1] for b in BROKEN], ids=[b[0] for b in BROKEN])
-def test_what_is_no_request_is_refused(live, request_):
+def test_a_malformed_request_is_refused(live, request_):
     with closing(raw_socket(live)) as raw:
         try:
             raw.sendall(request_)
@@ -58,7 +58,7 @@ def test_what_is_no_request_is_refused(live, request_):
     assert answer == b"" or status_of(answer) == 400
 
 
-def test_only_reading_is_possible(live, token):
+def test_only_get_and_head_are_allowed(live, token):
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"):
         assert live.get(f"/health?token={token}", method=method)[0] == 405
     request = f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{live.port}\r\nContent-Length: 1000000\r\n\r\n"
@@ -73,12 +73,12 @@ HANDSHAKES = [
     ("old version", lambda head: head.replace(b"Version: 13", b"Version: 8")),
     ("long line", lambda head: head[:-2] + b"X: " + b"x" * 9000 + b"\r\n\r\n"),
     ("many lines", lambda head: head[:-2] + b"X: x\r\n" * 200 + b"\r\n"),
-    ("elsewhere", lambda head: head.replace(b"/session", b"/page/index.html")),
+    ("other path", lambda head: head.replace(b"/session", b"/page/index.html")),
 ]
 
 
 @pytest.mark.parametrize("change", [h[1] for h in HANDSHAKES], ids=[h[0] for h in HANDSHAKES])
-def test_a_broken_handshake_opens_nothing_and_leaves_nothing(live, change):
+def test_a_malformed_handshake_is_refused_and_closed(live, change):
     before = live.connections
     assert 400 <= status_of(live.http(change(handshake(live)))) < 500
     until(lambda: live.connections <= before)

@@ -17,5 +17,5 @@ def _no_thread_is_left():
 
 @pytest.fixture(scope="session")
 def clip(tmp_path_factory):
-    """30 frames at 50 a second."""
+    """30 frames at 50 frames per second."""
     return write_clip(tmp_path_factory.mktemp("clip") / "clip.mp4", 30, rate=Fraction(50))

@@ -1,4 +1,4 @@
-"""What a feed is opened on: nothing, a file on a server, standard input."""
+"""`open_feed` on missing sources, files on a server and standard input."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import subprocess
 import pytest
 
 from helpers.feed_servers import file_server
-from helpers.opened_feeds import SOON, indices, opened, rest
+from helpers.opened_feeds import TIMEOUT, indices, opened, rest
 from helpers.video_clips import python, y4m
 from ssiam.errors import SourceError
-from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.opening import open_feed
 
 
 @pytest.mark.parametrize("spec", ["nowhere.mp4", "99", "rtsp://anna:hunter2@127.0.0.1:9/live"])
-def test_what_cannot_be_opened_fails_at_once(spec):
+def test_a_source_that_cannot_be_opened_raises_at_once(spec):
     with pytest.raises(SourceError) as caught:
-        open_feed(spec, notes=lambda note: None)
+        open_feed(spec, notify=lambda note: None)
     assert "hunter2" not in str(caught.value)
 
 
-def test_a_file_on_a_server_is_a_file(clip):
+def test_a_file_on_a_server_is_seekable(clip):
     with (
         file_server(clip.parent) as address,
         opened(f"{address}/{clip.name}", pace="fast") as (feed, _),
@@ -34,9 +34,9 @@ def test_a_file_on_a_server_is_a_file(clip):
 _READ_STDIN = """
 import sys
 import threading
-from ssiam.web.errors import CommandError
-from ssiam.web.feeds.feed import open_feed
-feed = open_feed("-", pace="fast", notes=print)
+from ssiam.web.types import CommandError
+from ssiam.web.feeds.opening import open_feed
+feed = open_feed("-", pace="fast", notify=print)
 for _ in range(8):
     print(feed.take(10).frame.index, end=" ")
 try:
@@ -50,15 +50,15 @@ if len(sys.argv) == 1:
 
 
 @pytest.mark.parametrize("end", [(), ("without close",)], ids=["closed", "not closed"])
-def test_standard_input_that_stays_open_holds_nobody_up(end):
+def test_standard_input_that_stays_open_does_not_block_the_exit(end):
     process = python(
         _READ_STDIN, *end, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     process.stdin.write(y4m(range(8)))
     process.stdin.flush()
-    code = process.wait(SOON)
-    told = process.stdout.read().splitlines()
-    assert told == [b"0 1 2 3 4 5 6 7 not-possible False None", b"1"][: 2 - len(end)]
+    code = process.wait(TIMEOUT)
+    printed = process.stdout.read().splitlines()
+    assert printed == [b"0 1 2 3 4 5 6 7 not-possible False None", b"1"][: 2 - len(end)]
     assert (process.stderr.read(), code) == (b"", 0)
     for pipe in (process.stdin, process.stdout, process.stderr):
         pipe.close()

@@ -1,4 +1,4 @@
-"""Pictures that a browser pushes."""
+"""Frames that a browser pushes."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import time
 import numpy as np
 import pytest
 
-from helpers.opened_feeds import SOON
+from helpers.opened_feeds import TIMEOUT
 from helpers.video_clips import number_in, numbered_image
 from ssiam.errors import ArgumentError
-from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.opening import open_feed
 from ssiam.web.feeds.pushed import PushedFeed
 
 
-def test_pushed_pictures():
-    feed = open_feed("browser", notes=lambda note: None)
+def test_pushed_frames():
+    feed = open_feed("browser", notify=lambda note: None)
     assert isinstance(feed, PushedFeed)
-    told = feed.name, feed.size_wh, feed.fps, feed.length, feed.seekable, feed.state
-    assert told == ("browser", None, None, None, False, "playing")
+    properties = feed.name, feed.size_wh, feed.fps, feed.length, feed.seekable, feed.state
+    assert properties == ("browser", None, None, None, False, "playing")
     assert feed.take(0) is None
     for number in range(4):
         feed.push(numbered_image(number))
@@ -37,15 +37,15 @@ def test_pushed_pictures():
     assert feed.take(0) is None
 
 
-def test_a_push_wakes_who_waits():
+def test_a_push_wakes_a_waiting_consumer():
     feed = PushedFeed()
     pusher = threading.Timer(0.05, feed.push, [numbered_image(9)])
     pusher.start()
-    assert feed.take(SOON).frame.index == 0
+    assert feed.take(TIMEOUT).frame.index == 0
     feed.close()
 
 
 @pytest.mark.parametrize("image", [np.zeros((4, 4), np.uint8), np.zeros((0, 4, 3), np.uint8), None])
-def test_pushed_nonsense_is_refused(image):
+def test_an_invalid_image_is_refused(image):
     with pytest.raises(ArgumentError):
         PushedFeed().push(image)

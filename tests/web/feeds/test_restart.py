@@ -1,10 +1,10 @@
-"""Files begin again: in the middle, after their end, where they broke off."""
+"""Restarts of files: in the middle, after the end, after they broke off."""
 
 from __future__ import annotations
 
 import pytest
 
-from helpers.opened_feeds import SOON, indices, numbers, opened, rest
+from helpers.opened_feeds import TIMEOUT, indices, numbers, opened, rest
 from helpers.video_clips import cut, number_in, write_clip
 from ssiam.errors import SourceError
 
@@ -13,7 +13,7 @@ from ssiam.errors import SourceError
 @pytest.mark.parametrize("pace", ["clock", "fast"])
 def test_restart(clip, pace, when):
     with opened(clip, pace=pace) as (feed, notes):
-        feed.take(SOON)
+        feed.take(TIMEOUT)
         if when == "after the end":
             rest(feed)
             assert feed.state == "ended"
@@ -21,8 +21,8 @@ def test_restart(clip, pace, when):
         before = feed.dropped
         feed.restart()
         assert feed.state == "playing"
-        first = feed.take(SOON)
-        # Every frame of this run was dropped or is this one.
+        first = feed.take(TIMEOUT)
+        # All earlier frames of this run were dropped.
         assert first.frame.index <= feed.dropped - before
         if when == "while paused":
             assert first.frame.index == number_in(first.frame.image) == 0
@@ -37,19 +37,19 @@ def test_restart(clip, pace, when):
         assert notes == []
 
 
-def test_restart_of_a_file_that_is_gone(clip, tmp_path):
+def test_restart_of_a_deleted_file(clip, tmp_path):
     path = tmp_path / "gone.mp4"
     path.write_bytes(clip.read_bytes())
     with opened(path, pace="fast") as (feed, _):
-        feed.take(SOON)
+        feed.take(TIMEOUT)
         path.unlink()
         with pytest.raises(SourceError, match=r"gone\.mp4: no such file"):
             feed.restart()
         assert indices(rest(feed)) == list(range(1, 30))
 
 
-def _in_order(path):
-    """A clip whose pictures are stored in the order of time."""
+def _without_b_frames(path):
+    """A clip without B-frames."""
     return write_clip(path, 60, codec_options={"bf": "0"})
 
 
@@ -62,7 +62,7 @@ def _joined(path):
 
 
 BROKEN = [
-    ("cut file", lambda path: cut(_in_order(path / "clip.mkv"), 0.5), "broke off after"),
+    ("cut file", lambda path: cut(_without_b_frames(path / "clip.mkv"), 0.5), "broke off after"),
     ("another size in the middle", _joined, "frame 10"),
 ]
 
@@ -78,4 +78,4 @@ def test_a_file_that_breaks_off_ends_with_a_note(tmp_path, make, words):
         assert notes[0].message.startswith(str(spec))
         assert words in notes[0].message
         feed.restart()
-        assert feed.take(SOON).frame.index == 0
+        assert feed.take(TIMEOUT).frame.index == 0

@@ -1,4 +1,4 @@
-"""A real RTSP server that dies, comes back, changes its picture, and falls silent."""
+"""A real RTSP server that is killed, restarted, changes its frame size, and stalls."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ import pytest
 
 from helpers.video_clips import number_in, numbered_image
 from ssiam.video import VideoSink
-from ssiam.web.feeds.feed import open_feed
+from ssiam.web.feeds.opening import open_feed
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 SERVER = Path(__file__).parents[2] / "helpers" / "rtsp_server.py"
-# Debian's names; gstreamer1.0-plugins-good comes along.
+# Debian's packages; gstreamer1.0-plugins-good is a dependency.
 PACKAGES = "gir1.2-gst-rtsp-server-1.0 python3-gi"
 PROBE = (
     "import gi; gi.require_version('GstRtspServer', '1.0');"
     "from gi.repository import Gst, GstRtspServer; Gst.init(None);"
     "assert all(map(Gst.ElementFactory.find, ('qtdemux', 'appsrc', 'rtph264pay', 'rtpbin')))"
 )
-SOON = 20.0
-# Seconds after its return by which a server's pictures must go on.
-PROMISED = 3.0
-# Seconds after which it must be known that nothing comes any more.
-NOTICED = 8.0
+TIMEOUT = 20.0
+# Seconds within which frames must arrive after the server is back.
+RECONNECT_LIMIT = 3.0
+# Seconds within which a silent server must be detected.
+SILENCE_LIMIT = 8.0
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -43,7 +43,7 @@ def _server_can_run():
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory):
-    """Make a clip of 50 numbered frames, 25 a second."""
+    """A function that makes a clip of 50 numbered frames at 25 frames per second."""
 
     def make(width, height):
         path = tmp_path_factory.mktemp("rtsp") / "clip.mp4"
@@ -94,21 +94,21 @@ class Server:
 
 
 def wait_for(condition):
-    end = time.monotonic() + SOON
+    end = time.monotonic() + TIMEOUT
     while not condition():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "timed out"
         time.sleep(0.01)
 
 
 def play(server, notes):
-    feed = open_feed(server.address, notes=notes.append)
-    seen = [feed.take(SOON) for _ in range(20)]
+    feed = open_feed(server.address, notify=notes.append)
+    arrivals = [feed.take(TIMEOUT) for _ in range(20)]
     assert (feed.length, feed.seekable, feed.fps, feed.size_wh) == (None, False, 25, (320, 240))
-    return feed, seen
+    return feed, arrivals
 
 
-def check_order(seen):
-    for earlier, later in pairwise(seen):
+def check_order(arrivals):
+    for earlier, later in pairwise(arrivals):
         assert later.frame.index > earlier.frame.index
         assert later.frame.time > earlier.frame.time
         assert later.arrived > earlier.arrived
@@ -117,57 +117,57 @@ def check_order(seen):
 @pytest.mark.parametrize(
     ("size", "change"),
     [((320, 240), ""), ((160, 112), ", now with 160x112 pixels")],
-    ids=["same picture", "another size"],
+    ids=["same size", "another size"],
 )
-def test_a_server_that_is_killed_is_found_again(clip, size, change):
+def test_a_server_that_is_killed_is_reconnected(clip, size, change):
     notes = []
     with Server().start(clip(320, 240)) as server:
-        feed, seen = play(server, notes)
+        feed, arrivals = play(server, notes)
         server.kill()
         wait_for(lambda: feed.state == "reconnecting")
         while (left := feed.take(0)) is not None:
-            seen.append(left)
-        # Long enough for the longest wait between two attempts.
+            arrivals.append(left)
+        # Longer than the maximum wait between two attempts.
         time.sleep(1.2)
         assert feed.state == "reconnecting"
         server.start(clip(*size))
         back = time.monotonic()
-        seen += [feed.take(SOON) for _ in range(5)]
-        assert seen[-5].arrived - back < PROMISED
+        arrivals += [feed.take(TIMEOUT) for _ in range(5)]
+        assert arrivals[-5].arrived - back < RECONNECT_LIMIT
         assert (feed.state, feed.size_wh) == ("playing", size)
-        assert number_in(seen[-1].frame.image) < 50
+        assert number_in(arrivals[-1].frame.image) < 50
         feed.close()
-    check_order(seen)
-    # The time without pictures is in their times.
-    assert seen[-1].frame.time - seen[-6].frame.time > 1.2
+    check_order(arrivals)
+    # The times include the gap.
+    assert arrivals[-1].frame.time - arrivals[-6].frame.time > 1.2
     name = f"rtsp://127.0.0.1:{server.port}/clip"
     assert [note.message for note in notes] == [
-        f"{name} is gone; trying again until it is back",
-        f"{name} is back{change}",
+        f"{name}: connection lost; trying to reconnect",
+        f"{name}: reconnected{change}",
     ]
     assert [note.level for note in notes] == ["warning", "warning" if change else "info"]
     wait_for(lambda: "ssiam-feed" not in [thread.name for thread in threading.enumerate()])
 
 
-def test_a_server_that_falls_silent_counts_as_gone(clip):
+def test_a_silent_server_is_reconnected(clip):
     notes = []
     with Server().start(clip(320, 240)) as server:
-        feed, seen = play(server, notes)
+        feed, arrivals = play(server, notes)
         server.signal(signal.SIGSTOP)
         silent = time.monotonic()
         wait_for(lambda: feed.state == "reconnecting")
-        assert time.monotonic() - silent < NOTICED
+        assert time.monotonic() - silent < SILENCE_LIMIT
         while (left := feed.take(0)) is not None:
-            seen.append(left)
+            arrivals.append(left)
         server.signal(signal.SIGCONT)
         back = time.monotonic()
-        seen += [feed.take(SOON) for _ in range(5)]
-        assert seen[-5].arrived - back < PROMISED
-        # Closed in silence, its thread ends as well.
+        arrivals += [feed.take(TIMEOUT) for _ in range(5)]
+        assert arrivals[-5].arrived - back < RECONNECT_LIMIT
+        # The thread ends too if the feed is closed while the server is silent.
         server.signal(signal.SIGSTOP)
         feed.close()
         wait_for(lambda: "ssiam-feed" not in [thread.name for thread in threading.enumerate()])
         assert feed.take(0) is None
-    check_order(seen)
+    check_order(arrivals)
     assert [note.level for note in notes] == ["warning", "info"]
     assert not any("secret" in note.message for note in notes)

@@ -18,8 +18,8 @@ def station():
 
 
 @pytest.fixture
-def flying(session, station):
-    """A session with one step, watched by a station."""
+def connected(session, station):
+    """A session with one step, and a station that receives its status."""
     with MavlinkCamera(session, station.address):
         session.step()
         assert station.status().tracking_status == IDLE

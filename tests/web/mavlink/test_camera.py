@@ -1,4 +1,4 @@
-"""What a camera says of itself."""
+"""Heartbeats, information and settings of the camera."""
 
 import math
 
@@ -20,36 +20,36 @@ def test_heartbeats_of_a_camera(session, station):
         assert beat.get_msgbuf()[0] == 0xFD  # MAVLink 2
 
 
-ASKED_ABOUT = [
-    ("by its number", REQUEST, (INFORMATION,)),
-    ("as of old", mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION, (1,)),
+REQUESTS = [
+    ("by message id", REQUEST, (INFORMATION,)),
+    ("deprecated command", mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION, (1,)),
 ]
 
 
 @pytest.mark.parametrize(
-    ("command", "params"), [a[1:] for a in ASKED_ABOUT], ids=[a[0] for a in ASKED_ABOUT]
+    ("command", "params"), [r[1:] for r in REQUESTS], ids=[r[0] for r in REQUESTS]
 )
-def test_information_tells_size_name_and_what_it_can(flying, command, params):
-    _, station = flying
+def test_information_has_size_name_and_capabilities(connected, command, params):
+    _, station = connected
     assert station.ask(command, *params) == ACCEPTED
-    told = station.until("CAMERA_INFORMATION")
-    assert (told.resolution_h, told.resolution_v) == SIZE
-    assert bytes(told.vendor_name).rstrip(b"\0") == bytes(told.model_name).rstrip(b"\0") == b"ssiam"
-    assert told.flags == (
+    info = station.until("CAMERA_INFORMATION")
+    assert (info.resolution_h, info.resolution_v) == SIZE
+    assert bytes(info.vendor_name).rstrip(b"\0") == bytes(info.model_name).rstrip(b"\0") == b"ssiam"
+    assert info.flags == (
         mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_POINT
         | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_RECTANGLE
     )
-    assert math.isnan(told.focal_length)
+    assert math.isnan(info.focal_length)
 
 
 def test_information_before_the_first_frame_has_no_size(session, station):
     with MavlinkCamera(session, station.address):
         assert station.ask(REQUEST, INFORMATION) == ACCEPTED
-        told = station.until("CAMERA_INFORMATION")
-    assert (told.resolution_h, told.resolution_v) == (0, 0)
+        info = station.until("CAMERA_INFORMATION")
+    assert (info.resolution_h, info.resolution_v) == (0, 0)
 
 
-def test_settings_say_that_it_takes_video(flying):
-    _, station = flying
+def test_the_mode_is_video(connected):
+    _, station = connected
     assert station.ask(REQUEST, mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS) == ACCEPTED
     assert station.until("CAMERA_SETTINGS").mode_id == mavlink.CAMERA_MODE_VIDEO

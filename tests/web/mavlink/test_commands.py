@@ -1,4 +1,4 @@
-"""Each command of a ground station gets the answer that it should."""
+"""The answers to each command of a ground station."""
 
 import math
 
@@ -12,27 +12,27 @@ from helpers.ground_station import (
     IDLE,
     INFORMATION,
     INTERVAL,
-    LATER,
     POINT,
     RECTANGLE,
     REQUEST,
     STATUS,
+    TEMPORARILY_REJECTED,
     UNSUPPORTED,
     command_long,
 )
-from ssiam.web.commands import Add, Remove
 from ssiam.web.mavlink.camera import MavlinkCamera
+from ssiam.web.types import Add, Remove
 
 NAN = math.nan
 WRONG = [
     # name, command, params, result
     ("rectangle of NaN", RECTANGLE, (NAN, 0.1, 0.5, 0.5), DENIED),
     ("rectangle outside", RECTANGLE, (0.1, 0.1, 1.1, 0.5), DENIED),
-    ("rectangle below nothing", RECTANGLE, (-0.1, 0.1, 0.5, 0.5), DENIED),
+    ("rectangle below 0", RECTANGLE, (-0.1, 0.1, 0.5, 0.5), DENIED),
     ("rectangle without width", RECTANGLE, (0.5, 0.1, 0.5, 0.5), DENIED),
     ("rectangle upside down", RECTANGLE, (0.1, 0.5, 0.5, 0.1), DENIED),
-    ("rectangle of nothing", RECTANGLE, (), DENIED),
-    ("rectangle of pixels", RECTANGLE, (100, 100, 200, 200), DENIED),
+    ("rectangle without params", RECTANGLE, (), DENIED),
+    ("rectangle in pixels", RECTANGLE, (100, 100, 200, 200), DENIED),
     ("point at infinity", POINT, (math.inf, 0.5, 0.1), DENIED),
     ("point with a radius of NaN", POINT, (0.5, 0.5, NAN), DENIED),
     ("point with a radius below 0", POINT, (0.5, 0.5, -0.1), DENIED),
@@ -50,17 +50,17 @@ WRONG = [
 @pytest.mark.parametrize(
     ("command", "params", "result"), [w[1:] for w in WRONG], ids=[w[0] for w in WRONG]
 )
-def test_what_cannot_be_done_is_said_and_changes_nothing(flying, command, params, result):
-    session, station = flying
+def test_an_invalid_command_is_refused_and_has_no_effect(connected, command, params, result):
+    session, station = connected
     assert station.ask(command, *params) == result
-    assert session.asked == []
+    assert session.submitted == []
 
 
 @pytest.mark.parametrize(
     ("code", "result"), [("bad-box", DENIED), ("too-many-targets", FAILED)], ids=str
 )
-def test_what_the_session_refuses_is_said(flying, code, result):
-    session, station = flying
+def test_a_refusal_of_the_session_is_answered(connected, code, result):
+    session, station = connected
     session.refusal = code
     assert station.ask(RECTANGLE, 0.1, 0.1, 0.2, 0.2) == result
     session.step()
@@ -73,9 +73,9 @@ def test_what_the_session_refuses_is_said(flying, code, result):
     [(RECTANGLE, (0.1, 0.1, 0.2, 0.2)), (POINT, (0.5, 0.5, 0.1)), (REQUEST, (STATUS,))],
     ids=["rectangle", "point", "status"],
 )
-def test_before_the_first_frame_it_is_too_early(session, station, command, params):
+def test_before_the_first_frame_commands_are_rejected(session, station, command, params):
     with MavlinkCamera(session, station.address):
-        assert station.ask(command, *params) == LATER
+        assert station.ask(command, *params) == TEMPORARILY_REJECTED
         session.step()
         assert station.ask(command, *params) == ACCEPTED
 
@@ -88,61 +88,61 @@ ADDRESSED = [
     ("another camera of all", (1, 0), RECTANGLE, (0.1, 0.1, 0.2, 0.2, 101), None),
     ("another component", (1, 101), RECTANGLE, (0.1, 0.1, 0.2, 0.2), None),
     ("another system", (2, 100), RECTANGLE, (0.1, 0.1, 0.2, 0.2), None),
-    ("everybody, not for cameras", (0, 0), mavlink.MAV_CMD_NAV_TAKEOFF, (), None),
+    ("everybody, not a camera command", (0, 0), mavlink.MAV_CMD_NAV_TAKEOFF, (), None),
 ]
 
 
 @pytest.mark.parametrize(
     ("to", "command", "params", "result"), [a[1:] for a in ADDRESSED], ids=[a[0] for a in ADDRESSED]
 )
-def test_only_commands_for_this_camera_are_taken(flying, to, command, params, result):
-    session, station = flying
+def test_only_commands_for_this_camera_are_executed(connected, to, command, params, result):
+    session, station = connected
     station.send(command_long(command, *params, to=to))
     station.send(command_long(REQUEST, INFORMATION))
     expected = {REQUEST: ACCEPTED} | ({} if result is None else {command: result})
     acks = [station.until("COMMAND_ACK") for _ in expected]
     assert {ack.command: ack.result for ack in acks} == expected
-    assert len(session.asked) == (result == ACCEPTED)
+    assert len(session.submitted) == (result == ACCEPTED)
 
 
-def test_commands_with_integers_are_taken_too(flying):
-    session, station = flying
+def test_command_int_is_executed_too(connected):
+    session, station = connected
     station.send(
         mavlink.MAVLink_command_int_message(
             1, 100, 0, RECTANGLE, 0, 0, 0.25, 0.5, 0.375, 0.75, 0, 0, 0
         )
     )
     assert station.result(RECTANGLE) == ACCEPTED
-    assert session.asked == [Add((160, 180, 80, 90))]
+    assert session.submitted == [Add((160, 180, 80, 90))]
 
 
-def test_a_command_that_is_sent_again_is_carried_out_once(flying):
-    session, station = flying
+def test_a_repeated_command_is_executed_once(connected):
+    session, station = connected
     box = (0.25, 0.5, 0.375, 0.75)
     assert station.ask(RECTANGLE, *box) == ACCEPTED
     assert station.ask(RECTANGLE, *box, confirmation=1) == ACCEPTED
-    assert len(session.asked) == 1
+    assert len(session.submitted) == 1
     assert station.ask(RECTANGLE, *box) == ACCEPTED
-    assert len(session.asked) == 3
+    assert len(session.submitted) == 3
 
 
-def test_a_new_rectangle_takes_the_place_of_the_old_one(flying):
-    session, station = flying
+def test_a_new_target_replaces_the_old_one(connected):
+    session, station = connected
     assert station.ask(RECTANGLE, 0.1, 0.1, 0.2, 0.2) == ACCEPTED
     assert station.ask(POINT, 0.5, 0.5, 0.1) == ACCEPTED
-    assert [type(command) for command in session.asked] == [Add, Remove, Add]
+    assert [type(command) for command in session.submitted] == [Add, Remove, Add]
     assert set(session.targets) == {2}
 
 
-def test_a_rectangle_while_the_session_is_busy_with_another(flying):
-    session, station = flying
-    session.busy.clear()
+def test_commands_while_the_session_is_busy(connected):
+    session, station = connected
+    session.ready.clear()
     for left in (0.1, 0.2, 0.3):
         station.send(command_long(RECTANGLE, left, 0.1, 0.5, 0.5))
     for _ in range(2):
         station.send(command_long(REQUEST, INFORMATION))
-    assert station.until("CAMERA_INFORMATION")  # nobody waits for the session
-    session.busy.set()
+    assert station.until("CAMERA_INFORMATION")  # the camera does not wait for the session
+    session.ready.set()
     assert [station.result(RECTANGLE) for _ in range(3)] == [ACCEPTED] * 3
     assert station.ask(REQUEST, INFORMATION) == ACCEPTED
     session.step()

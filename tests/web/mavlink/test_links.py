@@ -1,4 +1,4 @@
-"""The camera on links of all kinds, with noise and floods on them."""
+"""The camera on links of all kinds, with noise and floods."""
 
 import os
 import random
@@ -25,11 +25,11 @@ from helpers.ground_station import (
     free_port,
 )
 from ssiam.web.mavlink.camera import MavlinkCamera
-from ssiam.web.mavlink.ports import StreamLink
+from ssiam.web.mavlink.links import StreamLink
 
 
 def _noise(chance, packet):
-    """Random bytes, or a packet with something wrong in it."""
+    """Random bytes, or a damaged packet."""
     kind = chance.randrange(4)
     if kind == 0:
         return chance.randbytes(chance.randrange(1, 300))
@@ -37,12 +37,12 @@ def _noise(chance, packet):
         return packet[: chance.randrange(len(packet))]
     if kind == 2:
         return bytes([chance.choice((0xFD, 0xFE))]) * chance.randrange(1, 300)
-    place = chance.randrange(len(packet))
-    return packet[:place] + bytes([packet[place] ^ chance.randrange(1, 256)]) + packet[place + 1 :]
+    index = chance.randrange(len(packet))
+    return packet[:index] + bytes([packet[index] ^ chance.randrange(1, 256)]) + packet[index + 1 :]
 
 
 @pytest.mark.parametrize("kind", ["udpout", "udpin"])
-def test_noise_on_the_port_does_no_harm(session, station, kind):
+def test_noise_on_the_port_has_no_effect(session, station, kind):
     if kind == "udpin":
         port = free_port()
         station.address, station.peer = f"udpin:{HERE}:{port}", (HERE, port)
@@ -52,24 +52,24 @@ def test_noise_on_the_port_does_no_harm(session, station, kind):
         session.step()
         for _ in range(400):
             station.send_bytes(_noise(chance, packet))
-        assert session.asked == []
+        assert session.submitted == []
         answers = [station.ask(RECTANGLE, 0.1, 0.1, 0.2, 0.2, seconds=2) for _ in range(2)]
     assert ACCEPTED in answers
 
 
-def test_a_flood_of_commands_is_not_carried_out(session, station):
+def test_a_flood_of_commands_is_limited(session, station):
     with MavlinkCamera(session, station.address):
         for _ in range(200):
             station.send(command_long(REQUEST, INFORMATION))
         answered = 0
         while message := station.receive(0.5):
             answered += message.get_type() == "CAMERA_INFORMATION"
-        assert 20 <= answered <= 40  # within two seconds at the most
+        assert 20 <= answered <= 40  # within at most two seconds
         time.sleep(0.6)
         assert station.ask(REQUEST, INFORMATION) == ACCEPTED
 
 
-def test_whoever_sends_to_the_port_is_answered(session):
+def test_all_senders_to_a_udpin_port_are_answered(session):
     port = free_port()
     stations = [GroundStation((HERE, port)) for _ in range(2)]
     with MavlinkCamera(session, f"udpin:{HERE}:{port}"), stations[0], stations[1]:
@@ -80,8 +80,8 @@ def test_whoever_sends_to_the_port_is_answered(session):
             assert station.status().tracking_status == IDLE
 
 
-def _heard(read, name):
-    """The next message of that name in a stream of bytes, cut at odd places."""
+def _received(read, name):
+    """The next message of this type in a stream of bytes that is read in small chunks."""
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
     end = time.monotonic() + SECONDS
@@ -92,34 +92,34 @@ def _heard(read, name):
     raise AssertionError(f"no {name}")
 
 
-def test_tcp_is_connected_again_after_it_broke(session):
+def test_tcp_reconnects(session):
     with socket.create_server((HERE, 0)) as server:
         port = server.getsockname()[1]
         with MavlinkCamera(session, f"tcp:{HERE}:{port}"):
             for _ in range(2):
                 connection, _ = server.accept()
                 with connection:
-                    assert _heard(lambda c=connection: c.recv(7), "HEARTBEAT")
+                    assert _received(lambda c=connection: c.recv(7), "HEARTBEAT")
                     packet = command_long(REQUEST, INFORMATION).pack(mavlink.MAVLink(None))
                     for byte in b"noise\xfe\xfd\xfd" + bytes(packet):
                         connection.sendall(bytes([byte]))
-                    assert _heard(lambda c=connection: c.recv(7), "CAMERA_INFORMATION")
+                    assert _received(lambda c=connection: c.recv(7), "CAMERA_INFORMATION")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
-def test_a_serial_port_carries_it_too(session):
+def test_a_serial_port(session):
     ours, theirs = os.openpty()
     try:
         with MavlinkCamera(session, f"{os.ttyname(theirs)},57600"):
-            assert _heard(lambda: os.read(ours, 64), "HEARTBEAT")
+            assert _received(lambda: os.read(ours, 64), "HEARTBEAT")
             os.write(ours, bytes(command_long(REQUEST, INFORMATION).pack(mavlink.MAVLink(None))))
-            assert _heard(lambda: os.read(ours, 64), "CAMERA_INFORMATION")
+            assert _received(lambda: os.read(ours, 64), "CAMERA_INFORMATION")
     finally:
         os.close(ours)
         os.close(theirs)
 
 
-def test_a_stream_that_nobody_reads_drops_whole_frames():
+def test_a_full_stream_drops_whole_frames():
     ours, theirs = socket.socketpair()
     theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
     theirs.setblocking(False)
@@ -132,7 +132,7 @@ def test_a_stream_that_nobody_reads_drops_whole_frames():
     with suppress(TimeoutError):
         while True:
             data += ours.recv(4096)
-            link.write(b"")  # what is left of a frame goes first
+            link.write(b"")  # sends the rest of a frame
     link.close()
     ours.close()
     frames = re.findall(rb"<(\d{6})\.{12000}>", data)
@@ -140,7 +140,7 @@ def test_a_stream_that_nobody_reads_drops_whole_frames():
     assert 0 < len(frames) < 100
 
 
-def test_closing_ends_the_threads_and_may_be_done_twice(session, station):
+def test_close_ends_the_threads_and_may_be_called_twice(session, station):
     camera = MavlinkCamera(session, station.address)
     camera.close()
     camera.close()

@@ -1,4 +1,4 @@
-"""A camera that cannot be opened says why; what has nothing to do with it is left as it is."""
+"""Errors when a camera is opened; no side effects on the environment."""
 
 import re
 import subprocess
@@ -19,22 +19,22 @@ WRONG_ADDRESSES = [
     ("no such host", "udpout:nowhere.invalid:14550", "cannot be used"),
     ("a foreign address", "udpin:192.0.2.1:14550", "cannot be used"),
     ("no such device", "/dev/ttyUSB77,57600", "use udpout:HOST:PORT"),
-    ("no serial port", "/dev/null", "no serial port"),
-    ("a word for a baud rate", "/dev/null,fast", "no baud rate"),
+    ("not a serial port", "/dev/null", "not a serial port"),
+    ("a word for a baud rate", "/dev/null,fast", "not a baud rate"),
 ]
 
 
 @pytest.mark.parametrize(
     ("address", "words"), [w[1:] for w in WRONG_ADDRESSES], ids=[w[0] for w in WRONG_ADDRESSES]
 )
-def test_an_address_that_cannot_be_used_is_named_in_one_line(session, address, words):
+def test_an_invalid_address_is_named_in_one_line(session, address, words):
     with pytest.raises(ArgumentError, match=re.escape(words)) as caught:
         MavlinkCamera(session, address)
     assert address in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_a_port_that_is_taken_is_named(session, station):
+def test_a_port_in_use_is_named(session, station):
     taken = station.address.replace("udpout", "udpin")
     with pytest.raises(ArgumentError, match="in use"):
         MavlinkCamera(session, taken)
@@ -59,11 +59,11 @@ assert {name for name in os.environ if "MAVLINK" in name} == before
 """
 
 
-def test_without_pymavlink_it_says_what_to_install():
+def test_without_pymavlink_the_error_names_the_extra():
     done = subprocess.run([sys.executable, "-c", _WITHOUT], capture_output=True, text=True)
     assert "MissingExtraError" in done.stderr.splitlines()[-1]
     assert "pip install 'ssiam[mavlink]'" in done.stderr
 
 
-def test_the_environment_is_left_as_it_is():
+def test_environment_variables_are_not_changed():
     subprocess.run([sys.executable, "-c", _ENVIRONMENT], check=True)

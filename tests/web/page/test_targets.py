@@ -9,58 +9,58 @@ from helpers.walking_clip import HIDDEN, distance
 NEAR = 5  # pixels
 
 
-def follow(visitor, who, truth, until):
-    """Distances of the first box from the truth in the steps that are shown."""
-    distances = {}
+def center_errors(visitor, who, truth, until):
+    """Distances of the first box from the truth, by frame, until a frame is shown."""
+    errors = {}
 
-    def done(seen):
-        index = seen["step"]["index"]
-        if seen["boxes"] and (who != "walker" or index not in HIDDEN):
-            distances[index] = distance(seen["boxes"][0]["box"], truth[who][index])
+    def is_done(state):
+        index = state["step"]["index"]
+        if state["boxes"] and (who != "walker" or index not in HIDDEN):
+            errors[index] = distance(state["boxes"][0]["box"], truth[who][index])
         return index >= until
 
-    visitor.until(done)
-    return distances
+    visitor.until(is_done)
+    return errors
 
 
-def test_a_drawn_box_follows_its_target(visitor, truth):
+def test_a_drawn_target_is_tracked(visitor, truth):
     target = visitor.draw_target(truth["walker"][0])
-    visitor.go_on()
-    distances = follow(visitor, "walker", truth, 25)
-    assert len(distances) >= 5
-    assert max(distances.values()) < NEAR
+    visitor.resume()
+    errors = center_errors(visitor, "walker", truth, 25)
+    assert len(errors) >= 5
+    assert max(errors.values()) < NEAR
     x, y, _, h = truth["walker"][visitor.pause()["index"]]
-    assert visitor.has_colour(target["colour"], (x - NEAR, y + h / 2, 2 * NEAR, 4))
+    assert visitor.has_color(target["colour"], (x - NEAR, y + h / 2, 2 * NEAR, 4))
 
 
-def test_a_box_is_drawn_into_the_picture_that_stands_still(visitor, truth):
-    visitor.go_on()
-    x, y, _, _ = truth["stander"][visitor.seen()["step"]["index"]]
+def test_the_frame_is_frozen_while_a_box_is_drawn(visitor, truth):
+    visitor.resume()
+    x, y, _, _ = truth["stander"][visitor.state()["step"]["index"]]
     visitor.press((x, y))
-    frozen = visitor.until(lambda seen: seen["frozen"])["step"]
+    frozen = visitor.until(lambda state: state["frozen"])["step"]
     x, y, w, h = truth["stander"][frozen["index"]]
     visitor.page.wait_for_timeout(1500)
-    assert visitor.seen()["step"]["number"] == frozen["number"]
+    assert visitor.state()["step"]["number"] == frozen["number"]
     visitor.release((x + w, y + h))
     step = visitor.until_step(lambda step: step["targets"])
     assert step["index"] > frozen["index"]
-    # Late as it comes, the box is where the target is now.
-    distances = follow(visitor, "stander", truth, step["index"] + 10)
-    assert max(distances.values()) < 2 * NEAR
+    # The box is where the target is now, not where it was drawn.
+    errors = center_errors(visitor, "stander", truth, step["index"] + 10)
+    assert max(errors.values()) < 2 * NEAR
 
 
-def test_a_target_is_lost_and_found_again(visitor, truth):
+def test_a_target_is_lost_and_redetected(visitor, truth):
     visitor.draw_target(truth["walker"][0])
-    visitor.go_on()
-    lost = visitor.until(lambda seen: seen["step"]["targets"][0]["lost"])
+    visitor.resume()
+    lost = visitor.until(lambda state: state["step"]["targets"][0]["lost"])
     assert lost["boxes"] == []
     visitor.page.locator(".state", has_text="LOST").wait_for()
-    found = visitor.until(lambda seen: seen["boxes"])["step"]["index"]
+    found = visitor.until(lambda state: state["boxes"])["step"]["index"]
     assert found >= HIDDEN.start
     visitor.page.locator(".state", has_text="FOUND").wait_for()
     visitor.page.locator(".state", has_text="tracking").wait_for()
-    distances = follow(visitor, "walker", truth, HIDDEN.stop + 20)
-    assert distances[max(distances)] < NEAR
+    errors = center_errors(visitor, "walker", truth, HIDDEN.stop + 20)
+    assert errors[max(errors)] < NEAR
 
 
 def test_two_targets_are_named_selected_and_removed(visitor, truth):
@@ -78,49 +78,49 @@ def test_two_targets_are_named_selected_and_removed(visitor, truth):
     visitor.release((x + w / 2, y + h / 2))
     visitor.page.wait_for_selector(".swatch[aria-label='Select target 1'][aria-pressed=true]")
     visitor.page.keyboard.press("Delete")
-    visitor.until(lambda seen: [box["name"] for box in seen["boxes"]] == ["e 1 ?. r"])
+    visitor.until(lambda state: [box["name"] for box in state["boxes"]] == ["e 1 ?. r"])
     visitor.page.get_by_role("button", name="Remove e 1 ?. r").click()
-    visitor.until(lambda seen: not seen["step"]["targets"])
+    visitor.until(lambda state: not state["step"]["targets"])
 
 
-def test_a_box_in_the_steadied_picture_is_taken_back_to_the_raw_one(visitor, truth):
-    visitor.go_on()
+def test_a_box_in_the_stabilized_view_is_mapped_to_the_raw_frame(visitor, truth):
+    visitor.resume()
     visitor.until_step(lambda step: step["index"] >= 12)
     step = visitor.pause()
     visitor.page.keyboard.press("s")
-    visitor.until(lambda seen: len(seen["step"]["pictures"]) == 2)
+    visitor.until(lambda state: len(state["step"]["pictures"]) == 2)
     (a, b, c), (d, e, f) = step["stab_from_raw"]
     x, y, w, h = truth["stander"][step["index"]]
-    assert abs(c) + abs(f) > 1, "the steadied picture is the raw one"
+    assert abs(c) + abs(f) > 1, "the stabilized view equals the raw one"
     x, y = (
         a * (x + w / 2) + b * (y + h / 2) + c - w / 2,
         d * (x + w / 2) + e * (y + h / 2) + f - h / 2,
     )
     target = visitor.draw_target((x, y, w, h), "steadied")
     assert target["box"] == pytest.approx(truth["stander"][step["index"]], abs=1.5)
-    colour = target["colour"]
-    assert visitor.has_colour(colour, (x - 3, y + h / 2, 6, 4), "steadied")
+    color = target["colour"]
+    assert visitor.has_color(color, (x - 3, y + h / 2, 6, 4), "steadied")
 
 
 NO_BOXES = [
-    # name, where the mouse goes from the place where it was pressed
+    # name, mouse moves relative to the press; None: Escape
     ("a click", [(0, 0)]),
     ("a line", [(40, 2)]),
-    ("a box given up", [(40, 30), None]),
+    ("a cancelled box", [(40, 30), None]),
 ]
 
 
-@pytest.mark.parametrize(("name", "way"), NO_BOXES, ids=lambda value: str(value)[:16])
-def test_nothing_is_added_by(visitor, name, way):
-    visitor.go_on()
+@pytest.mark.parametrize(("name", "moves"), NO_BOXES, ids=lambda value: str(value)[:16])
+def test_nothing_is_added_by(visitor, name, moves):
+    visitor.resume()
     visitor.press((100, 100))
-    for move in way:
+    for move in moves:
         if move is None:
             visitor.page.keyboard.press("Escape")
-            visitor.until(lambda seen: not seen["frozen"])
+            visitor.until(lambda state: not state["frozen"])
         else:
             visitor.page.mouse.move(*visitor.to_client((100 + move[0], 100 + move[1])))
     visitor.page.mouse.up()
-    number = visitor.until(lambda seen: not seen["frozen"])["step"]["number"]
+    number = visitor.until(lambda state: not state["frozen"])["step"]["number"]
     assert visitor.until_step(lambda step: step["number"] > number + 3)["targets"] == []
-    assert visitor.page.locator(".toast").count() == (None not in way)
+    assert visitor.page.locator(".toast").count() == (None not in moves)

@@ -1,4 +1,4 @@
-"""Visits of the live page in a real browser: its keys, its guests, and its way to a session."""
+"""The live page in a real browser: keys, several clients, recordings, reconnection."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from helpers.browsing import PHONE, a_feed, served
+from helpers.browsing import PHONE, feed_of, served
 from helpers.walking_clip import RATE, SIZE
 from ssiam.web.feeds.pushed import PushedFeed
 
 
-def test_keys_steer_the_session(visitor):
+def test_keys_control_the_session(visitor):
     press = visitor.page.keyboard.press
-    visitor.go_on()
+    visitor.resume()
     for key, method in (("1", "off"), ("2", "paper"), ("3", "predict")):
         press(key)
         visitor.until_step(lambda step, method=method: step["stabilize"] == method)
@@ -27,35 +27,35 @@ def test_keys_steer_the_session(visitor):
     assert visitor.page.get_by_role("dialog").is_visible()
     press("1")
     press("Escape")
-    visitor.until(lambda seen: visitor.page.evaluate("document.activeElement === document.body"))
-    visitor.go_on()
-    assert visitor.seen()["step"]["stabilize"] == "predict"
+    visitor.until(lambda state: visitor.page.evaluate("document.activeElement === document.body"))
+    visitor.resume()
+    assert visitor.state()["step"]["stabilize"] == "predict"
 
 
 def test_two_clients_see_the_same(server, visitor, visit, truth):
     other = visit(server.address)
     other.until_step(lambda step: step["clients"] == 2)
     visitor.draw_target(truth["stander"][0])
-    other.until(lambda seen: seen["boxes"])
+    other.until(lambda state: state["boxes"])
     other.page.get_by_label("paper").check()
     visitor.until_step(lambda step: step["stabilize"] == "paper")
     visitor.page.locator("input[value=paper]:checked").wait_for()
-    assert visitor.seen()["boxes"] == other.seen()["boxes"]
-    visitor.go_on()
+    assert visitor.state()["boxes"] == other.state()["boxes"]
+    visitor.resume()
     other.leave()
     visitor.until_step(lambda step: step["clients"] == 1)
 
 
-def test_a_recording_plays_and_can_be_fetched(visitor, truth, tmp_path):
+def test_a_recording_plays_and_can_be_downloaded(visitor, truth, tmp_path):
     page = visitor.page
-    visitor.go_on()
+    visitor.resume()
     page.get_by_role("button", name="Record").click()
     name = visitor.until_step(lambda step: step["recording"])["recording"]
-    start = visitor.seen()["step"]["index"]
+    start = visitor.state()["step"]["index"]
     visitor.until_step(lambda step: step["index"] >= start + RATE)
     page.get_by_role("button", name="Stop recording").click()
     page.get_by_role("button", name=f"Play {name}").click()
-    visitor.until(lambda seen: page.evaluate("document.querySelector('video').currentTime") > 0.3)
+    visitor.until(lambda state: page.evaluate("document.querySelector('video').currentTime") > 0.3)
     assert page.evaluate("document.querySelector('video').videoWidth") == SIZE[0]
     with page.expect_download() as download:
         page.get_by_role("link", name="results.csv").click()
@@ -65,7 +65,7 @@ def test_a_recording_plays_and_can_be_fetched(visitor, truth, tmp_path):
     assert not page.locator("video").is_visible()
 
 
-def test_a_phone_shows_all_and_draws_with_a_finger(server, visit, truth):
+def test_the_page_works_on_a_phone(server, visit, truth):
     phone = visit(server.address, PHONE, has_touch=True, is_mobile=True, device_scale_factor=2)
     phone.page.get_by_role("button", name="Resume").tap()
     phone.until_step(lambda step: step["playing"] == "playing")
@@ -73,30 +73,30 @@ def test_a_phone_shows_all_and_draws_with_a_finger(server, visit, truth):
     index = phone.until_step(lambda step: step["playing"] == "paused")["index"]
     x, y, w, h = truth["stander"][index]
     finger = phone.page.context.new_cdp_session(phone.page)
-    ways = [
+    touches = [
         ("touchStart", (x, y)),
         ("touchMove", (x + w / 2, y + h)),
         ("touchMove", (x + w, y + h)),
     ]
-    for kind, place in [*ways, ("touchEnd", None)]:
-        points = [] if place is None else [dict(zip("xy", phone.to_client(place), strict=True))]
+    for kind, point in [*touches, ("touchEnd", None)]:
+        points = [] if point is None else [dict(zip("xy", phone.to_client(point), strict=True))]
         finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
     target = phone.until_step(lambda step: step["targets"])["targets"][0]
     assert target["box"] == pytest.approx(truth["stander"][index], abs=1.5)
-    phone.page.get_by_label("raw and steadied side by side").tap()
-    phone.until(lambda seen: len(seen["step"]["pictures"]) == 2)
+    phone.page.get_by_label("Raw and stabilized side by side").tap()
+    phone.until(lambda state: len(state["step"]["pictures"]) == 2)
     assert phone.page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
 
 
-def test_decoded_pictures_are_let_go(visitor):
-    visitor.go_on()
+def test_decoded_images_are_closed(visitor):
+    visitor.resume()
     visitor.page.keyboard.press("s")
     visitor.until_step(lambda step: step["number"] >= 30)
-    # Two views of what is shown, of what waits, and of what is being decoded.
-    assert 1 <= visitor.page.evaluate("window.heldPictures") <= 8
+    # Two views each of the shown step, the next one, and those being decoded.
+    assert 1 <= visitor.page.evaluate("window.openBitmaps") <= 8
 
 
-def test_the_picture_is_told_in_words(visitor, truth):
+def test_the_view_is_described_for_screen_readers(visitor, truth):
     visitor.draw_target(truth["stander"][0])
     page = visitor.page
     page.wait_for_selector("[data-view=raw] canvas[aria-label*='target 1 at']")
@@ -108,21 +108,21 @@ def test_the_picture_is_told_in_words(visitor, truth):
     assert page.evaluate(f"{unnamed}.length") == 0
 
 
-def test_a_page_finds_its_session_again(visit, clip):
-    with served(a_feed(clip)) as server:
+def test_the_page_reconnects(visit, clip):
+    with served(feed_of(clip)) as server:
         port = server.access.port
-        visitor = visit(server.address, may_complain=True)
+        visitor = visit(server.address, may_log_errors=True)
         visitor.until_step(lambda step: True)
     banner = visitor.page.get_by_role("alert")
     banner.wait_for()
     assert visitor.page.get_by_role("button", name="Pause").is_disabled()
-    with served(a_feed(clip), port=port):
+    with served(feed_of(clip), port=port):
         banner.wait_for(state="hidden")
         visitor.until_step(lambda step: step["playing"] == "playing")
 
 
-def test_a_token_is_carried_along(visit, clip):
-    with served(a_feed(clip), needs_token=True) as server:
+def test_the_token_is_sent_with_requests(visit, clip):
+    with served(feed_of(clip), needs_token=True) as server:
         address, token = server.address.split("#token=")
         visitor = visit(server.address)
         visitor.until_step(lambda step: True)
@@ -132,13 +132,13 @@ def test_a_token_is_carried_along(visit, clip):
         visitor.page.keyboard.press("e")
         link = visitor.page.get_by_role("link", name="video.mp4").get_attribute("href")
         assert link.endswith(f"?token={token}")
-        stranger = visit(address, may_complain=True)
+        stranger = visit(address, may_log_errors=True)
         stranger.page.get_by_text("#token=").wait_for()
-        assert stranger.seen()["step"] is None
+        assert stranger.state()["step"] is None
         visitor.leave()
 
 
-def test_this_devices_camera_is_the_source(visit):
+def test_the_camera_of_the_device_is_the_source(visit):
     with served(PushedFeed()) as server:
         visitor = visit(server.address, permissions=["camera"])
         camera = visitor.page.get_by_role("button", name="Use this device's camera")

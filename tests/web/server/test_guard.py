@@ -1,4 +1,4 @@
-"""Who is let in."""
+"""Access by host, origin, token, path and method."""
 
 import asyncio
 
@@ -15,8 +15,8 @@ HERE = {"host": f"127.0.0.1:{PORT}"}
 PAGE = {"/", "/page/main.js"}
 
 
-def ask(access, kind="http", path="/health", query="", method="GET", headers=HERE):
-    """Status and headers of the answer; 200, and 101 for sockets, where the app was reached."""
+def request(access, kind="http", path="/health", query="", method="GET", headers=HERE):
+    """Status and headers of the response; 200 (101 for a WebSocket) if the app was reached."""
     sent = []
 
     async def app(scope, receive, send):
@@ -40,7 +40,7 @@ def ask(access, kind="http", path="/health", query="", method="GET", headers=HER
 
 
 HOSTS = [
-    # access, Host, whether it is this server
+    # access, Host, whether it is accepted
     (OPEN, "127.0.0.1:8765", True),
     (OPEN, "localhost:8765", True),
     (OPEN, "LocalHost:8765", True),
@@ -76,14 +76,14 @@ HOSTS = [
 @pytest.mark.parametrize(("access", "host", "known"), HOSTS)
 def test_host_must_be_this_server(access, host, known, kind):
     query = f"token={access.token}"
-    status, _ = ask(access, kind, query=query, headers={"host": host})
+    status, _ = request(access, kind, query=query, headers={"host": host})
     assert (status != 403) == known
 
 
-def test_host_is_asked_for_before_anything_else():
-    assert ask(OPEN, path="/", headers={})[0] == 403
-    assert ask(OPEN, path="/", headers=[("host", "localhost:8765")] * 2)[0] == 403
-    assert ask(OPEN, path="/", headers={"host": "evil.example"})[0] == 403
+def test_the_host_is_checked_first():
+    assert request(OPEN, path="/", headers={})[0] == 403
+    assert request(OPEN, path="/", headers=[("host", "localhost:8765")] * 2)[0] == 403
+    assert request(OPEN, path="/", headers={"host": "evil.example"})[0] == 403
 
 
 ORIGINS = [
@@ -103,11 +103,11 @@ ORIGINS = [
 @pytest.mark.parametrize("kind", ["http", "websocket"])
 @pytest.mark.parametrize(("origin", "own"), ORIGINS)
 def test_origin_must_be_this_server(origin, own, kind):
-    assert (ask(OPEN, kind, headers=HERE | {"origin": origin})[0] != 403) == own
+    assert (request(OPEN, kind, headers=HERE | {"origin": origin})[0] != 403) == own
 
 
 TOKENS = [
-    # query, Authorization, whether that is enough
+    # query, Authorization, whether it is accepted
     ("token=s3cret-token", None, True),
     ("", "Bearer s3cret-token", True),
     ("", "bearer  s3cret-token", True),
@@ -129,11 +129,11 @@ TOKENS = [
 
 
 @pytest.mark.parametrize("kind", ["http", "websocket"])
-@pytest.mark.parametrize(("query", "authorization", "enough"), TOKENS)
-def test_token_is_asked_for_where_it_is_needed(query, authorization, enough, kind):
+@pytest.mark.parametrize(("query", "authorization", "accepted"), TOKENS)
+def test_the_token_must_be_correct(query, authorization, accepted, kind):
     headers = HERE if authorization is None else HERE | {"authorization": authorization}
-    assert (ask(CLOSED, kind, query=query, headers=headers)[0] != 403) == enough
-    assert ask(OPEN, kind, query=query, headers=headers)[0] != 403
+    assert (request(CLOSED, kind, query=query, headers=headers)[0] != 403) == accepted
+    assert request(OPEN, kind, query=query, headers=headers)[0] != 403
 
 
 PATHS = [("/", 200), ("/page/main.js", 200), ("/page/other.js", 403), ("/page/", 403)]
@@ -142,21 +142,21 @@ PATHS = [("/", 200), ("/page/main.js", 200), ("/page/other.js", 403), ("/page/",
 @pytest.mark.parametrize(
     ("path", "status"), [*PATHS, ("/recordings/a/b", 403), ("//", 403), ("/session", 403)]
 )
-def test_only_the_page_is_read_without_a_token(path, status):
-    assert ask(CLOSED, path=path)[0] == status
-    assert ask(CLOSED, "websocket", path=path)[0] == 403
+def test_only_the_page_is_public(path, status):
+    assert request(CLOSED, path=path)[0] == status
+    assert request(CLOSED, "websocket", path=path)[0] == 403
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "TRACE", "get", "BREW"])
-def test_only_reading_is_possible(method):
-    status, headers = ask(OPEN, path="/", method=method)
+def test_only_get_and_head_are_allowed(method):
+    status, headers = request(OPEN, path="/", method=method)
     assert status == 405
     assert headers[b"allow"] == b"GET, HEAD"
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8765", "evil.example"])
-def test_every_answer_tells_browsers_to_be_careful(host):
-    _, headers = ask(OPEN, path="/", headers={"host": host})
+def test_every_response_has_security_headers(host):
+    _, headers = request(OPEN, path="/", headers={"host": host})
     policy = headers[b"content-security-policy"].decode()
     assert policy.startswith("default-src 'none';")
     assert "unsafe" not in policy

@@ -1,1 +1,1 @@
-"""Where a live session takes its frames from: always the newest, never a queue."""
+"""Sources of a live session's frames. A feed delivers the newest frame and never queues."""

@@ -1,1 +1,1 @@
-"""The live session as a camera of a MAVLink ground station."""
+"""A live session as a MAVLink camera that tracks."""

@@ -1,4 +1,4 @@
-"""`MavlinkCamera`: a live session as a MAVLink camera that tracks."""
+"""`MavlinkCamera`: a live session as a MAVLink camera component."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from ssiam.errors import ArgumentError
-from ssiam.web.mavlink.commands import Asked, Budget, CommandReader
-from ssiam.web.mavlink.desk import Desk
+from ssiam.web.mavlink.camera_service import CameraService
+from ssiam.web.mavlink.commands import CommandReader, RateLimit, ReceivedCommand
 from ssiam.web.mavlink.links import open_link
 from ssiam.web.mavlink.messages import COMPONENT, Message, dialect, heartbeat
-from ssiam.web.step import Step
-from ssiam.web.troubles import Troubles
+from ssiam.web.monitoring import ErrorReporter
+from ssiam.web.types import Step
 
 if TYPE_CHECKING:
     from ssiam.web.session import Session
 
-_LOOK: Final = 0.02  # seconds for bytes to come, before the session's answers are looked at
-_PAUSE: Final = 0.2  # seconds; radios make shorter ones within a frame
-_HEARTBEAT: Final = 1.0  # seconds
-_BYTES: Final = 65536  # a second that are read; more is left to the system to drop
-_COMMANDS: Final = 20  # a second that are carried out; more are not answered
+_READ_TIMEOUT: Final = 0.02  # seconds to wait for bytes before the session's results are checked
+_FRAME_TIMEOUT: Final = 0.2  # seconds of silence that end a frame; radios pause for less within one
+_HEARTBEAT_INTERVAL: Final = 1.0  # seconds
+_BYTES_PER_SECOND: Final = 65536  # that are read; the system drops the rest
+_COMMANDS_PER_SECOND: Final = 20  # that are executed; the rest is not answered
 
 
 class MavlinkCamera:
-    """Takes a ground station's tracking commands, and tells it where the target is.
+    """Executes a ground station's tracking commands and sends the tracking status.
 
-    A context manager with two threads of its own: one reads and carries out, one sends. The
-    session's thread never waits for either.
+    A context manager with two threads, one for reading and one for sending. The session's thread
+    waits for neither.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ class MavlinkCamera:
     address : str
         See `open_link`.
     system : int
-        The MAVLink system that this camera belongs to, 1 to 255; its component is 100.
+        MAVLink system of this camera, 1 to 255; its component is 100.
 
     Raises
     ------
     ArgumentError
-        The address or the system cannot be used.
+        The address or the system is invalid.
     MissingExtraError
-        On import of this module, where pymavlink is not installed.
+        When this module is imported without pymavlink.
     """
 
     def __init__(self, session: Session, address: str, *, system: int = 1) -> None:
@@ -53,26 +53,26 @@ class MavlinkCamera:
             raise ArgumentError(f"MAVLink system {system}: choose one from 1 to 255")
         self._link = open_link(address)
         self._reader = CommandReader(system, COMPONENT)
-        self._desk = Desk(session)
-        self._troubles = Troubles(session.say)
-        self._bytes, self._commands = Budget(_BYTES), Budget(_COMMANDS)
+        self._service = CameraService(session)
+        self._errors = ErrorReporter(session.notify)
+        self._bytes, self._commands = RateLimit(_BYTES_PER_SECOND), RateLimit(_COMMANDS_PER_SECOND)
         self._mavlink = dialect.MAVLink(None, srcSystem=system, srcComponent=COMPONENT)
-        self._sending = threading.Lock()
+        self._send_lock = threading.Lock()
         self._newest = session.newest
-        self._woken, self._closing = threading.Event(), threading.Event()
-        self._unlisten = session.listen(self._see)
+        self._wake, self._closing = threading.Event(), threading.Event()
+        self._unlisten = session.listen(self._on_step)
         self._threads = [
-            threading.Thread(target=self._read, name="ssiam-mavlink-read", daemon=True),
-            threading.Thread(target=self._tell, name="ssiam-mavlink-tell", daemon=True),
+            threading.Thread(target=self._run_reader, name="ssiam-mavlink-read", daemon=True),
+            threading.Thread(target=self._run_sender, name="ssiam-mavlink-send", daemon=True),
         ]
         for thread in self._threads:
             thread.start()
 
     def close(self) -> None:
-        """End both threads and let go of the link. May be called twice."""
+        """End both threads and close the link. May be called twice."""
         self._unlisten()
         self._closing.set()
-        self._woken.set()
+        self._wake.set()
         for thread in self._threads:
             thread.join()
         self._link.close()
@@ -83,53 +83,53 @@ class MavlinkCamera:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _see(self, step: Step) -> None:
+    def _on_step(self, step: Step) -> None:
         self._newest = step
-        self._woken.set()
+        self._wake.set()
 
-    def _tell(self) -> None:
-        """The sender's thread: a heartbeat a second, and the newest step when there is one."""
-        beat, told = -math.inf, 0
+    def _run_sender(self) -> None:
+        """Send a heartbeat every second, and the status after each step."""
+        last_beat, last_number = -math.inf, 0
         while not self._closing.is_set():
-            self._woken.wait(max(0.0, beat + _HEARTBEAT - time.monotonic()))
-            self._woken.clear()
-            if time.monotonic() >= beat + _HEARTBEAT:
-                beat = time.monotonic()
+            self._wake.wait(max(0.0, last_beat + _HEARTBEAT_INTERVAL - time.monotonic()))
+            self._wake.clear()
+            if time.monotonic() >= last_beat + _HEARTBEAT_INTERVAL:
+                last_beat = time.monotonic()
                 self._send([heartbeat()])
             step = self._newest
-            if step is None or step.number == told:
+            if step is None or step.number == last_number:
                 continue
-            told = step.number
+            last_number = step.number
             try:
-                self._send(self._desk.news(step))
+                self._send(self._service.status_after(step))
             except Exception as error:
-                self._troubles.tell("the MAVLink tracking status", error)
+                self._errors.report("the MAVLink tracking status", error)
 
-    def _read(self) -> None:
-        """The reader's thread: commands as they come, answers as the session gives them."""
+    def _run_reader(self) -> None:
+        """Read and execute commands, and send the session's results."""
         silence = 0.0
         while not self._closing.wait(self._bytes.seconds_left()):
-            data = self._link.read(_LOOK)
+            data = self._link.read(_READ_TIMEOUT)
             self._bytes.take(len(data))
-            silence = 0.0 if data else silence + _LOOK
-            whole = self._link.datagrams or silence > _PAUSE
-            for asked in self._reader.commands(data, whole=whole):
+            silence = 0.0 if data else silence + _READ_TIMEOUT
+            is_complete = self._link.datagrams or silence > _FRAME_TIMEOUT
+            for command in self._reader.commands(data, is_complete=is_complete):
                 if self._commands.take(1):
-                    self._take(asked)
+                    self._execute(command)
             try:
-                self._send(self._desk.answers())
+                self._send(self._service.results())
             except Exception as error:
-                self._troubles.tell("the answer to a MAVLink command", error)
+                self._errors.report("the answer to a MAVLink command", error)
 
-    def _take(self, asked: Asked) -> None:
+    def _execute(self, command: ReceivedCommand) -> None:
         try:
-            self._send(self._desk.handle(asked))
+            self._send(self._service.handle(command))
         except Exception as error:
-            self._troubles.tell(f"the MAVLink command {asked.command}", error)
+            self._errors.report(f"the MAVLink command {command.command}", error)
 
     def _send(self, messages: Iterable[Message]) -> None:
         for message in messages:
-            with self._sending:
+            with self._send_lock:
                 data = message.pack(self._mavlink)
                 self._mavlink.seq = (self._mavlink.seq + 1) % 256
                 self._link.write(bytes(data))

@@ -1,4 +1,4 @@
-"""`CommandReader`: the commands for the camera among the bytes that come in."""
+"""`CommandReader`: finds the commands for the camera in a stream of bytes."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Final
 
 from ssiam.web.mavlink.messages import Message, dialect
 
-_MARKER: Final = re.compile(rb"[\xfd\xfe]")
+_START_BYTE: Final = re.compile(rb"[\xfd\xfe]")
 _V2: Final = 0xFD
-_SIGNED: Final = 1  # the only flag of a frame that may be set
-_SIGNATURE: Final = 13  # bytes
-_FIRST: Final = ("param1", "param2", "param3", "param4")
+_SIGNED: Final = 1  # the only flag that a frame may have set
+_SIGNATURE_BYTES: Final = 13
+_FIRST_PARAMS: Final = ("param1", "param2", "param3", "param4")
 _PARAMS: Final = {
-    "COMMAND_LONG": (*_FIRST, "param5", "param6", "param7"),
-    "COMMAND_INT": (*_FIRST, "x", "y", "z"),
+    "COMMAND_LONG": (*_FIRST_PARAMS, "param5", "param6", "param7"),
+    "COMMAND_INT": (*_FIRST_PARAMS, "x", "y", "z"),
 }
-# Where a command says which camera of several it is for (0: all, or the one addressed).
-_DEVICE: Final = {
+# Index of the parameter with the camera's device id (0: all, or the addressed component).
+_DEVICE_PARAM: Final = {
     dialect.MAV_CMD_CAMERA_TRACK_POINT: 3,
     dialect.MAV_CMD_CAMERA_TRACK_RECTANGLE: 4,
     dialect.MAV_CMD_CAMERA_STOP_TRACKING: 0,
@@ -29,8 +29,8 @@ _DEVICE: Final = {
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A command as it came, COMMAND_LONG or COMMAND_INT.
+class ReceivedCommand:
+    """A COMMAND_LONG or COMMAND_INT.
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class Asked:
     sender : (int, int)
         System and component.
     repeated : bool
-        Sent once more, because no answer had come.
+        Whether it is sent again because no answer had arrived.
     broadcast : bool
-        To everybody.
+        Whether it is addressed to all systems or components.
     """
 
     command: int
@@ -53,12 +53,12 @@ class Asked:
 
 
 class CommandReader:
-    """Cuts bytes into frames, whatever they are, and keeps the commands for one component.
+    """Splits arbitrary bytes into frames, and keeps the commands for one component.
 
     Parameters
     ----------
     system, component : int
-        Commands for these, or for 0, are taken.
+        Commands for these, or for 0, are kept.
     """
 
     def __init__(self, system: int, component: int) -> None:
@@ -66,95 +66,99 @@ class CommandReader:
         self._mavlink = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
         self._buffer = bytearray()
 
-    def commands(self, data: bytes, *, whole: bool) -> Iterator[Asked]:
-        """The commands in `data` and what was left over before.
+    def commands(self, data: bytes, *, is_complete: bool) -> Iterator[ReceivedCommand]:
+        """The commands in the buffered bytes and `data`.
 
-        `whole`: no more of the last frame will come, because this was a datagram or nothing came
-        for a while; what looked like its beginning was none. What follows on a damaged frame is
-        thrown away then: a datagram full of them would take long.
+        Parameters
+        ----------
+        data : bytes
+        is_complete : bool
+            Whether the last frame ends here, because `data` is a datagram or the link was silent.
+            What looks like the start of a longer frame is then skipped, and all bytes after a
+            damaged frame are discarded: a datagram full of them would take long to search.
         """
         self._buffer += data
-        while frame := self._next_frame(whole=whole):
-            message = self._decoded(frame)
+        while frame := self._next_frame(is_complete=is_complete):
+            message = self._decode(frame)
             if message is None:
-                del self._buffer[: len(self._buffer) if whole else 1]
+                del self._buffer[: len(self._buffer) if is_complete else 1]
                 continue
             del self._buffer[: len(frame)]
-            asked = self._asked(message)
-            if asked is not None:
-                yield asked
+            command = self._command_in(message)
+            if command is not None:
+                yield command
 
-    def _next_frame(self, *, whole: bool) -> bytearray | None:
-        """The first frame of the buffer, not checked, and all before it thrown away."""
-        while marker := _MARKER.search(self._buffer):
-            del self._buffer[: marker.start()]
-            length = _length(self._buffer)
+    def _next_frame(self, *, is_complete: bool) -> bytearray | None:
+        """The first frame in the buffer, unchecked; the bytes before it are discarded."""
+        while start := _START_BYTE.search(self._buffer):
+            del self._buffer[: start.start()]
+            length = _frame_length(self._buffer)
             if length is not None and length <= len(self._buffer):
                 return self._buffer[:length]
-            if not whole:
+            if not is_complete:
                 return None
             del self._buffer[:1]
         self._buffer.clear()
         return None
 
-    def _decoded(self, frame: bytearray) -> Message | None:
+    def _decode(self, frame: bytearray) -> Message | None:
         if frame[0] == _V2 and frame[2] & ~_SIGNED:
             return None
         try:
             return self._mavlink.decode(frame)
         except Exception:
-            # pymavlink raises more than its own MAVError; no frame may keep others from being read.
+            # pymavlink raises more than its MAVError; no frame may stop the reader.
             return None
 
-    def _asked(self, message: Message) -> Asked | None:
+    def _command_in(self, message: Message) -> ReceivedCommand | None:
         names = _PARAMS.get(message.get_type())
         if names is None or message.target_system not in (0, self._system):
             return None
         if message.target_component not in (0, self._component):
             return None
-        asked = Asked(
+        command = ReceivedCommand(
             command=message.command,
             params=tuple(float(getattr(message, name)) for name in names),
             sender=(message.get_srcSystem(), message.get_srcComponent()),
             repeated=getattr(message, "confirmation", 0) > 0,
             broadcast=0 in (message.target_system, message.target_component),
         )
-        return asked if self._is_meant(asked) else None
+        return command if self._is_for_this_device(command) else None
 
-    def _is_meant(self, asked: Asked) -> bool:
-        place = _DEVICE.get(asked.command)
-        if place is None or not asked.broadcast:
+    def _is_for_this_device(self, command: ReceivedCommand) -> bool:
+        index = _DEVICE_PARAM.get(command.command)
+        if index is None or not command.broadcast:
             return True
-        device = asked.params[place]
+        device = command.params[index]
         return math.isnan(device) or device in (0, self._component)
 
 
-class Budget:
-    """At most so much a second."""
+class RateLimit:
+    """A maximum amount per second, counted in windows of a second."""
 
-    def __init__(self, a_second: int) -> None:
-        self._a_second = a_second
-        self._began, self._spent = -math.inf, 0
+    def __init__(self, per_second: int) -> None:
+        self._per_second = per_second
+        self._window_start, self._used = -math.inf, 0
 
     def take(self, amount: int) -> bool:
-        """Whether there was something left of this second before `amount` was taken."""
+        """Use `amount`; whether the limit of this second was not yet reached before."""
         now = time.monotonic()
-        if now >= self._began + 1:
-            self._began, self._spent = now, 0
-        self._spent += amount
-        return self._spent - amount < self._a_second
+        if now >= self._window_start + 1:
+            self._window_start, self._used = now, 0
+        self._used += amount
+        return self._used - amount < self._per_second
 
     def seconds_left(self) -> float:
-        """Until there is something left again; 0 if there is."""
-        if self._spent < self._a_second:
+        """Seconds until `take` succeeds again; 0 if it does now."""
+        if self._used < self._per_second:
             return 0.0
-        return max(0.0, self._began + 1 - time.monotonic())
+        return max(0.0, self._window_start + 1 - time.monotonic())
 
 
-def _length(frame: bytearray) -> int | None:
-    """Bytes of the frame that begins here; None as long as nobody can know."""
+def _frame_length(frame: bytearray) -> int | None:
+    """Length in bytes of the frame that starts here; None if its header is incomplete."""
     if len(frame) < 3:
         return None
     if frame[0] != _V2:
         return 8 + frame[1]
-    return 12 + frame[1] + (_SIGNATURE if frame[2] & _SIGNED else 0)
+    return 12 + frame[1] + (_SIGNATURE_BYTES if frame[2] & _SIGNED else 0)

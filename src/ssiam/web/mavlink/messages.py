@@ -1,4 +1,4 @@
-"""What the MAVLink camera says, and what the boxes in its commands mean."""
+"""The messages of a MAVLink camera, and the boxes in its commands."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Final, TypeAlias
 
 from ssiam.errors import MissingExtraError
 from ssiam.geometry import XYWH
-from ssiam.web.step import Step, Target
+from ssiam.web.types import Step, Target
 
 try:
-    # Version 2 of the protocol by its module: pymavlink's mavutil would ask the environment.
+    # Version 2 of the protocol. pymavlink's mavutil would take it from environment variables.
     from pymavlink.dialects.v20 import common
 except ModuleNotFoundError as error:
     if error.name is None or not error.name.startswith("pymavlink"):
@@ -33,12 +33,12 @@ _FLAGS: Final[int] = (
 )
 _NAME: Final = list(b"ssiam".ljust(32, b"\0"))
 _UNKNOWN: Final = math.nan
-# Half a side of the box around a point that comes without a size, as a share of the width.
-_RADIUS: Final = 0.025
+# Half a side of the box around a point without a radius, as a fraction of the frame width.
+_DEFAULT_RADIUS: Final = 0.025
 
 
 def heartbeat() -> Message:
-    """HEARTBEAT of a camera that works."""
+    """HEARTBEAT of an active camera."""
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_CAMERA,
         dialect.MAV_AUTOPILOT_INVALID,
@@ -50,7 +50,7 @@ def heartbeat() -> Message:
 
 
 def information(size_wh: tuple[int, int] | None, boot_ms: int) -> Message:
-    """CAMERA_INFORMATION; the size of the frames is 0x0 as long as none has come."""
+    """CAMERA_INFORMATION; the resolution is 0x0 before the first frame."""
     width, height = size_wh or (0, 0)
     return dialect.MAVLink_camera_information_message(
         boot_ms,
@@ -70,23 +70,34 @@ def information(size_wh: tuple[int, int] | None, boot_ms: int) -> Message:
 
 
 def settings(boot_ms: int) -> Message:
-    """CAMERA_SETTINGS: it takes video, and nobody knows its lens."""
+    """CAMERA_SETTINGS: video mode; zoom and focus are unknown."""
     return dialect.MAVLink_camera_settings_message(
         boot_ms, dialect.CAMERA_MODE_VIDEO, zoomLevel=_UNKNOWN, focusLevel=_UNKNOWN
     )
 
 
 def acknowledgement(command: int, result: int, sender: tuple[int, int]) -> Message:
-    """COMMAND_ACK for the `sender`, a system and a component."""
+    """COMMAND_ACK for `sender` (system and component)."""
     return dialect.MAVLink_command_ack_message(
         command, result, target_system=sender[0], target_component=sender[1]
     )
 
 
 def tracking_status(step: Step, own: int | None, mode: int) -> Message:
-    """CAMERA_TRACKING_IMAGE_STATUS: the target `own`, or else the first one of the session.
+    """CAMERA_TRACKING_IMAGE_STATUS of the target `own`, or else of the session's first one.
 
-    `mode` is how the target `own` was begun; others are rectangles. A lost target has no place.
+    Parameters
+    ----------
+    step : Step
+    own : int or None
+        Id of the ground station's target.
+    mode : int
+        Tracking mode in which that target was started; that of other targets is RECTANGLE.
+
+    Returns
+    -------
+    Message
+        Without a position (NaN) if the target is lost or there is none.
     """
     target = next((each for each in step.targets if each.id == own), None)
     if target is None:
@@ -97,14 +108,14 @@ def tracking_status(step: Step, own: int | None, mode: int) -> Message:
         return _status(dialect.CAMERA_TRACKING_STATUS_FLAGS_ERROR, mode)
     height, width = step.frame.image.shape[:2]
     return _status(
-        dialect.CAMERA_TRACKING_STATUS_FLAGS_ACTIVE, mode, *_place(target, mode, (width, height))
+        dialect.CAMERA_TRACKING_STATUS_FLAGS_ACTIVE, mode, *_position(target, mode, (width, height))
     )
 
 
 def rectangle_box(params: Sequence[float], size_wh: tuple[int, int]) -> XYWH | None:
-    """(x, y, w, h) in pixels of the corners of MAV_CMD_CAMERA_TRACK_RECTANGLE; None if it is none.
+    """The box (x, y, w, h), pixels, of MAV_CMD_CAMERA_TRACK_RECTANGLE; None if it is invalid.
 
-    They are the left, top, right and bottom as shares of the width and height.
+    The parameters are left, top, right and bottom as fractions of the width and height.
     """
     left, top, right, bottom = params[:4]
     if not all(0 <= value <= 1 for value in params[:4]) or right <= left or bottom <= top:
@@ -114,42 +125,43 @@ def rectangle_box(params: Sequence[float], size_wh: tuple[int, int]) -> XYWH | N
 
 
 def point_box(params: Sequence[float], size_wh: tuple[int, int]) -> XYWH | None:
-    """(x, y, w, h) in pixels of the square around MAV_CMD_CAMERA_TRACK_POINT; None if it is none.
+    """The box (x, y, w, h), pixels, around MAV_CMD_CAMERA_TRACK_POINT; None if it is invalid.
 
-    The radius is a share of the width; 0 stands for a twentieth of it from side to side.
+    The parameters are x, y and the radius, which is half a side of the box, as fractions of the
+    width, the height and the width. A radius of 0 stands for 0.025.
     """
     if not all(0 <= value <= 1 for value in params[:3]):
         return None
     width, height = size_wh
-    x, y, radius = params[0] * width, params[1] * height, (params[2] or _RADIUS) * width
+    x, y, radius = params[0] * width, params[1] * height, (params[2] or _DEFAULT_RADIUS) * width
     left, top = max(0.0, x - radius), max(0.0, y - radius)
     right, bottom = min(float(width), x + radius), min(float(height), y + radius)
     return left, top, right - left, bottom - top
 
 
-def _place(
+def _position(
     target: Target, mode: int, size_wh: tuple[int, int]
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Point, radius, and the rectangle's left, top, right and bottom: shares of the frame."""
+    """Point, radius, and the rectangle's left, top, right, bottom: fractions of the frame."""
     (x, y, w, h), (width, height) = target.track.box, size_wh
-    centre = _share(x + w / 2, width), _share(y + h / 2, height)
+    center = _fraction(x + w / 2, width), _fraction(y + h / 2, height)
     radius = max(w, h) / 2 / width if mode == POINT else _UNKNOWN
-    top_left = _share(x, width), _share(y, height)
-    return *centre, radius, *top_left, _share(x + w, width), _share(y + h, height)
+    top_left = _fraction(x, width), _fraction(y, height)
+    return *center, radius, *top_left, _fraction(x + w, width), _fraction(y + h, height)
 
 
-def _status(status: int, mode: int, *place: float) -> Message:
-    data = dialect.CAMERA_TRACKING_TARGET_DATA_IN_STATUS if place else 0
+def _status(status: int, mode: int, *position: float) -> Message:
+    data = dialect.CAMERA_TRACKING_TARGET_DATA_IN_STATUS if position else 0
     return dialect.MAVLink_camera_tracking_image_status_message(
-        status, mode, data, *(place or [_UNKNOWN] * 7)
+        status, mode, data, *(position or [_UNKNOWN] * 7)
     )
 
 
-def _share(pixels: float, whole: int) -> float:
-    return min(1.0, max(0.0, pixels / whole))
+def _fraction(pixels: float, size: int) -> float:
+    return min(1.0, max(0.0, pixels / size))
 
 
 def _firmware() -> int:
-    """The version as CAMERA_INFORMATION has it: a byte each, the major one lowest."""
+    """Ssiam's version in the format of CAMERA_INFORMATION: a byte each, major version lowest."""
     parts = [int(part) if part.isdigit() else 0 for part in version("ssiam").split(".")[:3]]
-    return sum(part << 8 * place for place, part in enumerate(parts))
+    return sum(part << 8 * index for index, part in enumerate(parts))

@@ -1,20 +1,20 @@
-/** Pause, step, restart, record; steadying; the readings. */
+/** Buttons and keys: pause, step, restart, record, stabilization; the numbers below the view. */
 
 const DISCONNECTED = "disconnected";
-const AGAIN = "From the beginning (r)";
-const SETTLED = 500; // milliseconds after which the session has its say again
+const RESTART_TITLE = "Play from the beginning (r)";
+const REQUEST_TIMEOUT = 500; // milliseconds after which the session's own method is shown again
 
 const byId = (id) => document.getElementById(id);
 
 /**
  * @typedef {object} Handlers
  * @property {(command: object) => Promise<unknown>} command
- * @property {(sideBySide: boolean) => void} layout which views are to be seen
+ * @property {(sideBySide: boolean) => void} layout which views to show
  */
 
 export class Controls {
   #newest = null; // header of the newest step
-  #asked = null;
+  #requestedMethod = null;
   #health = "running";
   #handlers;
 
@@ -33,75 +33,80 @@ export class Controls {
     byId("side-by-side").addEventListener("change", ({ target }) => {
       handlers.layout(target.checked);
     });
-    byId("methods").addEventListener("change", ({ target }) => this.#steady(target.value));
+    byId("methods").addEventListener("change", ({ target }) => this.#setMethod(target.value));
   }
 
-  /** Press a button, or turn to a method, as if by hand. */
+  /** Press a button. */
   press(id) {
     byId(id).click();
   }
 
-  pressMethod(place) {
-    byId("methods").querySelectorAll("input")[place]?.click();
+  /** Choose the stabilization method with this index. */
+  pressMethod(index) {
+    byId("methods").querySelectorAll("input")[index]?.click();
   }
 
-  /** A session begins: what can be done with it. */
+  /** Start a session. */
   begin({ source, methods, seekable }) {
     const short = source.includes("://") ? source : source.split("/").at(-1);
     byId("source").textContent = short;
     byId("source").title = source;
     document.title = `${short} – ssiam live`;
     byId("methods").querySelectorAll("label").forEach((label) => label.remove());
-    methods.forEach((method, place) => byId("methods").append(radio(method, place)));
+    methods.forEach((method, index) => byId("methods").append(radioButton(method, index)));
     byId("record").disabled = false;
     byId("restart").disabled = !seekable;
-    byId("restart").title = seekable ? AGAIN : "This source cannot be started again";
+    byId("restart").title = seekable ? RESTART_TITLE : "This source cannot be restarted";
   }
 
-  /** There is no connection. */
+  /** Disable the controls: the connection is lost. */
   end() {
     this.#newest = null;
     for (const id of ["record", "restart"]) byId(id).disabled = true;
-    this.#showPlaying(DISCONNECTED);
+    this.#showPlayback(DISCONNECTED);
   }
 
-  /** Take the header of the newest step in, from which the next press of a button goes. */
-  see(header) {
+  /** Set the newest step's header, on which the next press of a button depends. */
+  setStep(header) {
     this.#newest = header;
   }
 
-  /** Show that tracking stands still or has ended, which outlasts every step. */
+  /** Show whether tracking has stalled or failed, until the state changes. */
   showHealth(state) {
     this.#health = state;
-    this.#showPlaying(this.#newest?.playing ?? "connecting");
+    this.#showPlayback(this.#newest?.playing ?? "connecting");
   }
 
-  /** Show what was seen last. */
-  show() {
+  /** Show the newest step's state. */
+  update() {
     const header = this.#newest;
     if (!header) return;
-    this.#showPlaying(header.playing);
+    this.#showPlayback(header.playing);
     this.#showRecording(header.recording);
-    if (this.#asked === null || this.#asked === header.stabilize) this.#check(header.stabilize);
+    if (this.#requestedMethod === null || this.#requestedMethod === header.stabilize) {
+      this.#checkMethod(header.stabilize);
+    }
+    const { index, time } = header;
     const texts = {
       latency: `${(header.latency * 1000).toFixed(0)} ms`,
       fps: header.fps.toFixed(1),
-      frame: header.time === null ? String(header.index) : `${header.index} · ${header.time.toFixed(1)} s`,
+      frame: time === null ? String(index) : `${index} · ${time.toFixed(1)} s`,
     };
-    for (const field of document.querySelectorAll("[data-reading]")) {
-      const name = field.dataset.reading;
+    for (const field of document.querySelectorAll("[data-stat]")) {
+      const name = field.dataset.stat;
       field.textContent = texts[name] ?? String(header[name]);
     }
   }
 
-  #showPlaying(playing) {
-    const word = this.#health === "running" || playing === DISCONNECTED ? playing : this.#health;
+  #showPlayback(playback) {
+    const isHealthy = this.#health === "running" || playback === DISCONNECTED;
+    const word = isHealthy ? playback : this.#health;
     byId("playing").textContent = byId("playing").dataset.playing = word;
-    const paused = playing === "paused";
-    byId("pause").dataset.paused = paused;
-    const still = playing === "ended" || playing === DISCONNECTED;
-    for (const id of ["pause", "advance"]) byId(id).disabled = still;
-    byId("pause").querySelector("span").textContent = paused ? "Resume" : "Pause";
+    const isPaused = playback === "paused";
+    byId("pause").dataset.paused = isPaused;
+    const isOver = playback === "ended" || playback === DISCONNECTED;
+    for (const id of ["pause", "advance"]) byId(id).disabled = isOver;
+    byId("pause").querySelector("span").textContent = isPaused ? "Resume" : "Pause";
   }
 
   #showRecording(name) {
@@ -111,30 +116,54 @@ export class Controls {
     byId("record").querySelector("span").textContent = name === null ? "Record" : "Stop recording";
   }
 
-  async #steady(method) {
-    this.#asked = method;
+  async #setMethod(method) {
+    this.#requestedMethod = method;
     await this.#handlers.command({ type: "steady", method });
-    // The answer comes before the first step that is steadied so.
-    setTimeout(() => this.#forget(method), SETTLED);
+    // The answer arrives before the first step with the new method.
+    setTimeout(() => this.#forgetRequest(method), REQUEST_TIMEOUT);
   }
 
-  #forget(method) {
-    if (this.#asked === method) this.#asked = null;
+  #forgetRequest(method) {
+    if (this.#requestedMethod === method) this.#requestedMethod = null;
   }
 
-  #check(method) {
+  #checkMethod(method) {
     for (const input of byId("methods").querySelectorAll("input")) {
       if (input.value === method && !input.checked) input.checked = true;
     }
   }
 }
 
-function radio(method, place) {
+function radioButton(method, index) {
   const label = document.createElement("label");
   const input = document.createElement("input");
   Object.assign(input, { type: "radio", name: "method", value: method });
-  input.setAttribute("aria-keyshortcuts", String(place + 1));
+  input.setAttribute("aria-keyshortcuts", String(index + 1));
   label.append(input, method);
   return label;
 }
 
+/**
+ * Handle the keys of the page, except those typed into a field or meant for a button.
+ * @param {Record<string, () => void>} actions by key
+ */
+export function watchKeys(actions) {
+  const help = byId("help");
+  const openHelp = () => help.showModal();
+  byId("help-button").addEventListener("click", openHelp);
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || event.repeat || help.open) return;
+    if (belongsToFocus(event)) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const action = { ...actions, "?": openHelp }[key];
+    if (!action) return;
+    event.preventDefault();
+    action();
+  });
+}
+
+/** Whether the focused element handles the key. */
+function belongsToFocus({ key, target }) {
+  if (target.matches("input[type=text]")) return true;
+  return key === " " && target.matches("button, input, a, video");
+}

@@ -1,38 +1,39 @@
 /** Drawing boxes with mouse, pen or finger. */
 
-import { boxBetween, inverse, movedBox } from "./geometry.js";
+import { boxBetween, inverse, mapBox } from "./geometry.js";
 
-const SMALLEST = 4; // frame pixels
-const CLICK = 250; // milliseconds, at most
+const MIN_SIDE = 4; // frame pixels
+const MAX_CLICK = 250; // milliseconds
 
 /**
  * @typedef {object} Handlers
- * @property {(view: import("./view.js").View) => object | null} begin freezes the picture and
- *   gives the header of the step that is shown; null where there is nothing to draw into
- * @property {(header: object) => void} lasts it is no click: that step is needed until the end
- * @property {() => void} changed the box that is being drawn
- * @property {(xywh: number[], header: object) => void} drawn a box in raw-frame pixels
- * @property {(place: number[], header: object) => void} clicked a place in raw-frame pixels
- * @property {() => void} end the picture may go on; called before `drawn` and `clicked`
+ * @property {() => object | null} begin freezes the view and returns the header of the shown step;
+ *   null if there is none
+ * @property {(header: object) => void} hold the stroke is not a click: the step is needed until
+ *   its end
+ * @property {() => void} changed the selection has changed
+ * @property {() => void} end unfreezes the view; called before `drawn` and `clicked`
+ * @property {(xywh: number[], header: object) => void} drawn box in raw-frame pixels
+ * @property {(point: number[], header: object) => void} clicked point in raw-frame pixels
  */
 
-/** Watches the pointer over all views; one box at a time. */
-export class Pencil {
+/** Handles the pointer on all views; one stroke at a time. */
+export class BoxDrawing {
   #stroke = null;
   #handlers;
 
-  /** @param {import("./view.js").View[]} views @param {Handlers} handlers */
+  /** @param {import("./views.js").View[]} views @param {Handlers} handlers */
   constructor(views, handlers) {
     this.#handlers = handlers;
     for (const view of views) this.#watch(view);
   }
 
-  /** The box that is being drawn into this view, in the view's pixels. */
-  bandIn(view) {
+  /** The box that is being drawn in this view, in the view's pixels, or null. */
+  selectionIn(view) {
     return this.#stroke?.view === view ? boxBetween(this.#stroke.from, this.#stroke.to) : null;
   }
 
-  /** Give up the box that is being drawn, if there is one. */
+  /** Cancel the box that is being drawn, if there is one. */
   cancel() {
     const stroke = this.#stroke;
     this.#stroke = null;
@@ -50,27 +51,27 @@ export class Pencil {
 
   #down(view, event) {
     if (!event.isPrimary || event.button !== 0 || this.#stroke) return;
-    const header = this.#handlers.begin(view);
+    const header = this.#handlers.begin();
     if (!header) return;
     event.preventDefault();
-    // A name that is being typed is finished, and the keys are the page's again.
+    // Commits a name that is being typed, and returns the keyboard to the page.
     document.activeElement?.blur();
     view.canvas.setPointerCapture(event.pointerId);
-    const place = view.place(event);
-    const timer = setTimeout(() => this.#last(), CLICK);
-    this.#stroke = { view, header, pointer: event.pointerId, from: place, to: place, timer };
+    const point = view.point(event);
+    const timer = setTimeout(() => this.#hold(), MAX_CLICK);
+    this.#stroke = { view, header, pointer: event.pointerId, from: point, to: point, timer };
   }
 
-  #last() {
-    if (this.#stroke.lasts) return;
-    this.#stroke.lasts = true;
-    this.#handlers.lasts(this.#stroke.header);
+  #hold() {
+    if (this.#stroke.held) return;
+    this.#stroke.held = true;
+    this.#handlers.hold(this.#stroke.header);
   }
 
   #move(event) {
     const stroke = this.#stroke;
-    stroke.to = stroke.view.place(event);
-    if (isLarge(boxBetween(stroke.from, stroke.to))) this.#last();
+    stroke.to = stroke.view.point(event);
+    if (isBox(boxBetween(stroke.from, stroke.to))) this.#hold();
     this.#handlers.changed();
   }
 
@@ -79,12 +80,12 @@ export class Pencil {
     const { view, header, from, to } = this.#stroke;
     this.cancel();
     const box = boxBetween(from, to);
-    const raw = movedBox(inverse(view.viewFromRaw(header)), box);
-    if (isLarge(box)) this.#handlers.drawn(raw, header);
+    const raw = mapBox(inverse(view.viewFromRaw(header)), box);
+    if (isBox(box)) this.#handlers.drawn(raw, header);
     else this.#handlers.clicked([raw[0] + raw[2] / 2, raw[1] + raw[3] / 2], header);
   }
 }
 
-function isLarge([, , w, h]) {
-  return Math.min(w, h) >= SMALLEST;
+function isBox([, , w, h]) {
+  return Math.min(w, h) >= MIN_SIDE;
 }

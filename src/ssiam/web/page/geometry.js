@@ -1,4 +1,4 @@
-/** Boxes and their way through 2×3 transforms; pixels, x right, y down. */
+/** Points, boxes and 2×3 transforms; pixels, x right, y down. */
 
 /** @typedef {[[number, number, number], [number, number, number]]} Transform */
 /** @typedef {[number, number]} Point */
@@ -23,13 +23,13 @@ export function cornersOf([x, y, w, h]) {
   return [[x, y], [x + w, y], [x + w, y + h], [x, y + h]];
 }
 
-/** The box of two opposite corners. */
+/** The box between two opposite corners. */
 export function boxBetween([x0, y0], [x1, y1]) {
   return [Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0)];
 }
 
-/** A box of the same size around the centre, taken through the transform. */
-export function movedBox(transform, [x, y, w, h]) {
+/** The box with its center mapped by the transform; the size is kept. */
+export function mapBox(transform, [x, y, w, h]) {
   const [cx, cy] = mapPoint(transform, [x + w / 2, y + h / 2]);
   return [cx - w / 2, cy - h / 2, w, h];
 }

@@ -1,29 +1,27 @@
-/** The page of a live session: from the socket to the screen, from hand and keys to the socket. */
+/** The page of a live session: connects the WebSocket, the views, the panels and the controls. */
 
-import { Charts } from "./charts.js";
-import { Controls } from "./controls.js";
-import { Pencil } from "./drawing.js";
-import { expose } from "./hook.js";
-import { watchKeys } from "./keys.js";
-import { Layout } from "./layout.js";
+import { Controls, watchKeys } from "./controls.js";
+import { StepDisplay } from "./display.js";
+import { BoxDrawing } from "./drawing.js";
 import { announce, banner, hint, toast } from "./notes.js";
-import { Screen } from "./picture.js";
+import { Charts } from "./plots.js";
 import { Recordings } from "./recordings.js";
-import { CommandFailed, OFFLINE, Socket } from "./socket.js";
-import { paced, readStep, States, summary, targetAt } from "./steps.js";
+import { CommandError, OFFLINE, Socket } from "./socket.js";
+import { readStep, summary, targetAt, TargetStates, throttle } from "./steps.js";
 import { TargetList } from "./targets.js";
+import { Views } from "./views.js";
 import { CameraButton } from "./webcam.js";
 
 const PROTOCOL = 1;
-const FOUND_ENDS = 1050; // milliseconds after which a FOUND is drawn no longer
-const DRAW = "Draw a box around what to follow: press, drag, let go.";
+const FOUND_REDRAW = 1050; // milliseconds after which FOUND is no longer drawn
+const DRAW_HINT = "Drag to draw a box around a target.";
 
 const byId = (id) => document.getElementById(id);
 
-class Live {
-  #newest = null; // header of the newest step that came, shown or not
+class LivePage {
+  #newest = null; // header of the newest step, shown or not
   #selected = null;
-  #states = new States();
+  #states = new TargetStates();
   #health = { state: "running", message: "" };
   #charts = new Charts();
   #stateOf = (target) => this.#states.of(target, performance.now());
@@ -33,19 +31,19 @@ class Live {
     binary: (buffer) => this.#step(buffer),
     lost: (reason, wait) => this.#lost(reason, wait),
   });
-  #screen = new Screen({
-    draw: (ready) => this.#draw(ready),
-    shown: (number) => this.#socket.send({ type: "shown", number }),
-    broken: () => toast("warning", "A picture could not be read."),
+  #display = new StepDisplay({
+    draw: (step) => this.#draw(step),
+    acknowledge: (number) => this.#socket.send({ type: "shown", number }),
+    failed: () => toast("warning", "A frame could not be decoded."),
   });
-  #layout = new Layout((message) => this.#socket.send(message), () => this.#screen.redraw());
-  #pencil = new Pencil(this.#layout.views, {
+  #views = new Views((message) => this.#socket.send(message), () => this.#display.redraw());
+  #drawing = new BoxDrawing(this.#views.all, {
     begin: () => this.#beginStroke(),
-    lasts: ({ number }) => this.#socket.send({ type: "hold", number }),
-    changed: () => this.#screen.redraw(),
-    end: () => this.#screen.thaw(),
+    hold: ({ number }) => this.#socket.send({ type: "hold", number }),
+    changed: () => this.#display.redraw(),
+    end: () => this.#display.unfreeze(),
     drawn: (box, { number }) => this.#addTarget(box, number),
-    clicked: (place, header) => this.#click(place, header),
+    clicked: (point, header) => this.#click(point, header),
   });
   #targets = new TargetList(byId("targets"), byId("no-targets"), {
     select: (id) => this.#select(id),
@@ -54,23 +52,23 @@ class Live {
   });
   #controls = new Controls({
     command: (command) => this.#command(command),
-    layout: (sideBySide) => this.#layout.show(sideBySide),
+    layout: (sideBySide) => this.#views.show(sideBySide),
   });
   #recordings = new Recordings((message) => toast("error", message));
   #camera = new CameraButton(
-    (picture) => this.#socket.send(picture),
+    (jpeg) => this.#socket.send(jpeg),
     (message) => toast("error", message),
   );
-  #refreshPanels = paced(() => this.#showPanels(), 100);
-  #describe = paced(() => this.#showSummary(), 1000);
+  #refreshPanels = throttle(() => this.#showPanels(), 100);
+  #describe = throttle(() => this.#showSummary(), 1000);
 
-  /** What is on the screen, for those who check it. */
+  /** Header of the step that is shown, or null. */
   get shown() {
-    return this.#screen.shown?.header ?? null;
+    return this.#display.shown?.header ?? null;
   }
 
   get frozen() {
-    return this.#screen.frozen;
+    return this.#display.frozen;
   }
 
   start() {
@@ -87,7 +85,7 @@ class Live {
       3: () => this.#controls.pressMethod(2),
       Delete: () => this.#removeSelected(),
       Backspace: () => this.#removeSelected(),
-      Escape: () => this.#pencil.cancel(),
+      Escape: () => this.#drawing.cancel(),
     });
     this.#socket.open();
   }
@@ -102,25 +100,25 @@ class Live {
 
   #begin(hello) {
     this.#newest = null;
-    for (const part of [this.#screen, this.#states, this.#charts]) part.clear();
+    for (const part of [this.#display, this.#states, this.#charts]) part.clear();
     this.#controls.begin(hello);
-    this.#layout.begin(hello.size);
+    this.#views.begin(hello.size);
     this.#camera.offer(hello.webcam);
     this.#showHealth({ state: "running", message: "" });
-    hint(hello.webcam ? "Waiting for somebody's camera." : "Waiting for the first picture.");
-    if (hello.protocol !== PROTOCOL) toast("warning", "This page is older or newer than its server.");
+    hint(hello.webcam ? "Waiting for a camera." : "Waiting for the first frame.");
+    if (hello.protocol !== PROTOCOL) toast("warning", "This page is from another version of ssiam: reload it.");
   }
 
   #lost(reason, wait) {
-    this.#pencil.cancel();
+    this.#drawing.cancel();
     this.#controls.end();
     this.#newest = null;
-    // Why the session ended is worth more than that it did.
-    const why = this.#health.state === "failed" ? `${this.#health.message}.` : reason;
-    banner(`${why} Trying again in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
+    // The cause of a failure is more useful than the loss of the connection.
+    const text = this.#health.state === "failed" ? `${this.#health.message}.` : reason;
+    banner(`${text} Reconnecting in ${(wait / 1000).toFixed(wait < 1000 ? 1 : 0)} s.`);
   }
 
-  /** Whether targets are tracked at all; another session's first message takes it back. */
+  /** Show whether targets are tracked, until the state changes or a new session starts. */
   #showHealth({ state, message }) {
     this.#health = { state, message };
     this.#controls.showHealth(state);
@@ -130,58 +128,58 @@ class Live {
   #step(buffer) {
     const { header, jpegs } = readStep(buffer);
     this.#newest = header;
-    this.#controls.see(header);
-    const told = this.#states.update(header, performance.now());
-    if (told.length) {
-      announce(`${told.join(". ")}.`);
-      setTimeout(() => this.#screen.redraw(), FOUND_ENDS);
-      setTimeout(() => this.#refreshPanels(), FOUND_ENDS);
+    this.#controls.setStep(header);
+    const changes = this.#states.update(header, performance.now());
+    if (changes.length) {
+      announce(`${changes.join(". ")}.`);
+      setTimeout(() => this.#display.redraw(), FOUND_REDRAW);
+      setTimeout(() => this.#refreshPanels(), FOUND_REDRAW);
     }
     if (!header.targets.some(({ id }) => id === this.#selected)) this.#selected = null;
     this.#charts.add(header);
-    this.#camera.cameBack();
-    this.#screen.receive(header, jpegs);
+    this.#camera.onStep();
+    this.#display.receive(header, jpegs);
     this.#refreshPanels();
     this.#describe();
   }
 
-  #draw(ready) {
+  #draw(step) {
     const marks = { stateOf: this.#stateOf, selected: this.#selected };
-    this.#layout.draw(ready, (view) => this.#pencil.bandIn(view), marks);
+    this.#views.draw(step, (view) => this.#drawing.selectionIn(view), marks);
   }
 
   #showPanels() {
     if (!this.#newest) return;
     const { targets } = this.#newest;
     this.#targets.update(targets, this.#stateOf, this.#errorOf, this.#selected);
-    this.#controls.show();
+    this.#controls.update();
     this.#charts.draw();
-    hint(targets.length ? "" : DRAW);
+    hint(targets.length ? "" : DRAW_HINT);
   }
 
   #showSummary() {
     if (!this.#newest) return;
-    for (const { canvas, name } of this.#layout.views) {
-      canvas.setAttribute("aria-label", `The ${name} picture. ${summary(this.#newest)}`);
+    for (const { canvas, title } of this.#views.all) {
+      canvas.setAttribute("aria-label", `The ${title} view. ${summary(this.#newest)}`);
     }
     this.#charts.describe();
   }
 
-  /** Send a command; undefined where it failed, and a note or the banner says why. */
+  /** Send a command; resolves to undefined if it failed, which a note or the banner shows. */
   async #command(command) {
     try {
       return await this.#socket.ask(command);
     } catch (error) {
-      if (!(error instanceof CommandFailed)) throw error;
+      if (!(error instanceof CommandError)) throw error;
       if (error.code !== OFFLINE) toast("error", error.message);
       return undefined;
     }
   }
 
   #beginStroke() {
-    if (!this.#socket.connected || !this.#screen.shown) return null;
-    this.#screen.freeze();
-    return this.#screen.shown.header;
+    if (!this.#socket.connected || !this.#display.shown) return null;
+    this.#display.freeze();
+    return this.#display.shown.header;
   }
 
   async #addTarget(box, number) {
@@ -189,10 +187,10 @@ class Live {
     if (id !== undefined) this.#select(id);
   }
 
-  #click(place, { targets }) {
-    const target = targetAt(targets, place);
+  #click(point, { targets }) {
+    const target = targetAt(targets, point);
     if (target) this.#select(target.id);
-    else toast("info", "Press and drag to draw a box of at least 4 pixels.");
+    else toast("info", "Drag to draw a box of at least 4×4 pixels.");
   }
 
   #removeSelected() {
@@ -201,11 +199,32 @@ class Live {
 
   #select(id) {
     this.#selected = id;
-    this.#screen.redraw();
+    this.#display.redraw();
     this.#refreshPanels();
   }
 }
 
-const live = new Live();
-live.start();
-expose(live);
+/**
+ * Define `window.ssiamLive` for tests and scripts, read-only: `step`, the header of the shown step
+ * or null; `boxes`, its targets that are not lost; `frozen`, whether a box is being drawn.
+ * @param {LivePage} page
+ */
+function expose(page) {
+  const visible = () => page.shown?.targets.filter(({ lost }) => !lost) ?? [];
+  const state = {
+    get step() {
+      return structuredClone(page.shown);
+    },
+    get boxes() {
+      return visible().map(({ id, name, box }) => ({ id, name, box: [...box] }));
+    },
+    get frozen() {
+      return page.frozen;
+    },
+  };
+  Object.defineProperty(window, "ssiamLive", { value: Object.freeze(state) });
+}
+
+const page = new LivePage();
+page.start();
+expose(page);

@@ -1,11 +1,11 @@
-/** Notes that come and go, the banner of a lost connection, and what is only said. */
+/** Notes (toasts), the banner, the hint over the view, and announcements to screen readers. */
 
-const STAY = { info: 5000, warning: 8000, error: 10_000 }; // milliseconds
-const MOST = 4;
+const DURATIONS = { info: 5000, warning: 8000, error: 10_000 }; // milliseconds
+const MAX_TOASTS = 4;
 
 const byId = (id) => document.getElementById(id);
 
-/** @param {"info" | "warning" | "error"} level @param {string} message */
+/** Show a note. @param {"info" | "warning" | "error"} level @param {string} message */
 export function toast(level, message) {
   const toasts = byId("toasts");
   const same = [...toasts.children].find((each) => each.dataset.message === message);
@@ -20,26 +20,26 @@ export function toast(level, message) {
   close.addEventListener("click", () => note.remove());
   note.append(text, close);
   toasts.append(note);
-  while (toasts.children.length > MOST) toasts.firstChild.remove();
-  setTimeout(() => note.remove(), STAY[level] ?? STAY.info);
+  while (toasts.children.length > MAX_TOASTS) toasts.firstChild.remove();
+  setTimeout(() => note.remove(), DURATIONS[level] ?? DURATIONS.info);
 }
 
-/** Tell those who cannot see the picture. */
+/** Announce a sentence to screen readers. */
 export function announce(sentence) {
   byId("announce").textContent = sentence;
 }
 
-/** Show that the connection is lost, or that nothing is tracked; null takes the banner away. */
+/** Show a lasting problem in the banner; null hides it. */
 export function banner(message, { retry = true } = {}) {
   byId("banner").hidden = message === null;
   byId("banner-button").hidden = !retry;
-  // An alert is read again whenever it is written.
+  // Screen readers read an alert again whenever its text is set.
   if (byId("banner-text").textContent !== (message ?? "")) {
     byId("banner-text").textContent = message ?? "";
   }
 }
 
-/** A line over the picture; "" takes it away. */
+/** Show a line over the raw view; "" hides it. */
 export function hint(text) {
   byId("hint").textContent = text;
   byId("hint").hidden = text === "";

@@ -1,21 +1,27 @@
-/** Plots of the last ten seconds, drawn like an oscilloscope's: newest at the right. */
+/** Plots of the last ten seconds: camera motion and scores, the newest values at the right. */
 
+const DX = "#5cc8ff";
+const DY = "#ffb454";
+const ROTATION = "#d7a3ff";
+const DEGREES = 180 / Math.PI; // in a radian
 const SPAN = 10; // seconds
-const MOST = 2400; // points of a trace
-const BREAK = 1.5; // seconds without a value that a line does not bridge
+const MAX_POINTS = 2400; // per trace
+const MAX_GAP = 1.5; // seconds without a value after which a line is interrupted
 const FONT = "11px system-ui, sans-serif";
-const GROUND = "#10171c";
+const BACKGROUND = "#10171c";
 const GRID = "#2a353f";
-const LETTERS = "#93a2af";
+const LABELS = "#93a2af";
 const LEFT = 40; // CSS pixels, as all lengths here
-const TOP = 22; // where the caption is
-const EDGE = 5;
+const TOP = 22; // height of the caption
+const MARGIN = 5;
 
-/** @typedef {{name: string, colour: string}} Trace */
+const figure = (id) => document.getElementById(id);
 
-/** One plot: some traces over the same time, in the same unit. */
-export class Plot {
-  #points = []; // [time, Map from the trace's key to its value], oldest first
+/** @typedef {{name: string, color: string}} Trace */
+
+/** Some traces over the same time, in the same unit. */
+class Plot {
+  #points = []; // [time, Map from trace key to value], oldest first
   /** @type {Map<string | number, Trace>} */ #traces = new Map();
   #range;
   #context;
@@ -23,7 +29,7 @@ export class Plot {
 
   /**
    * @param {HTMLElement} figure
-   * @param {{least: number} | {fixed: [number, number]}} range symmetric and at least ±least, or fixed
+   * @param {{minimum: number} | {fixed: [number, number]}} range symmetric and at least ±minimum, or fixed
    */
   constructor(figure, range) {
     this.canvas = figure.querySelector("canvas");
@@ -33,60 +39,62 @@ export class Plot {
     new ResizeObserver(() => this.draw()).observe(this.canvas);
   }
 
-  /** What the traces are called and coloured; others are not drawn. */
+  /** Set the names and colors of the traces; others are not drawn. */
   setTraces(traces) {
     const same = JSON.stringify([...traces]) === JSON.stringify([...this.#traces]);
     this.#traces = traces;
     if (!same) this.#key.replaceChildren(...[...traces.values()].map(keyEntry));
   }
 
-  /** Take the values of a moment in; a time before the last one starts the plot anew. */
+  /** Add the values at a time; a time before the last one clears the plot. */
   add(time, values) {
     if (this.#points.length && time < this.#points.at(-1)[0]) this.clear();
     if (this.#points.at(-1)?.[0] === time) this.#points.pop();
     this.#points.push([time, values]);
     const old = this.#points.findIndex(([when]) => when >= time - SPAN);
-    this.#points.splice(0, Math.max(old, this.#points.length - MOST));
+    this.#points.splice(0, Math.max(old, this.#points.length - MAX_POINTS));
   }
 
   clear() {
     this.#points.length = 0;
   }
 
-  /** Draw, and say in words what the plot shows. */
+  /** Draw the plot. */
   draw() {
     const { canvas } = this;
     const context = this.#context;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    const [wide, high] = [width, height].map((value) => Math.round(value * devicePixelRatio));
-    if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
+    const [pixelWidth, pixelHeight] = [width, height].map((value) => Math.round(value * devicePixelRatio));
+    if (canvas.width !== pixelWidth || canvas.height !== pixelHeight) {
+      [canvas.width, canvas.height] = [pixelWidth, pixelHeight];
+    }
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    context.fillStyle = GROUND;
+    context.fillStyle = BACKGROUND;
     context.fillRect(0, 0, width, height);
-    const [low, top] = this.#limits();
+    const [low, high] = this.#limits();
     const end = this.#points.at(-1)?.[0] ?? 0;
-    const x = (time) => width - EDGE - ((end - time) / SPAN) * (width - LEFT - EDGE);
-    const y = (value) => height - EDGE - ((value - low) / (top - low)) * (height - TOP - EDGE);
-    this.#drawGrid(width, [low, (low + top) / 2, top], y, (second) => x(end - second));
-    for (const [key, { colour }] of this.#traces) this.#drawTrace(key, colour, x, y);
+    const x = (time) => width - MARGIN - ((end - time) / SPAN) * (width - LEFT - MARGIN);
+    const y = (value) => height - MARGIN - ((value - low) / (high - low)) * (height - TOP - MARGIN);
+    this.#drawGrid(width, [low, (low + high) / 2, high], y, (second) => x(end - second));
+    for (const [key, { color }] of this.#traces) this.#drawTrace(key, color, x, y);
   }
 
-  /** The newest values, in words. */
-  describe(what) {
+  /** Describe the newest values for screen readers. */
+  describe(title) {
     const values = this.#points.at(-1)?.[1] ?? new Map();
     const parts = [...this.#traces].map(([key, { name }]) => {
       return `${name} ${values.get(key)?.toFixed(2) ?? "unknown"}`;
     });
-    this.canvas.setAttribute("aria-label", `${what}: ${parts.join(", ") || "nothing yet"}`);
+    this.canvas.setAttribute("aria-label", `${title}: ${parts.join(", ") || "no values yet"}`);
   }
 
   #limits() {
     if (this.#range.fixed) return this.#range.fixed;
-    let most = this.#range.least;
+    let limit = this.#range.minimum;
     for (const [, values] of this.#points) {
-      for (const key of this.#traces.keys()) most = Math.max(most, Math.abs(values.get(key) ?? 0));
+      for (const key of this.#traces.keys()) limit = Math.max(limit, Math.abs(values.get(key) ?? 0));
     }
-    return [-rounded(most), rounded(most)];
+    return [-roundUp(limit), roundUp(limit)];
   }
 
   #drawGrid(width, values, y, atSecond) {
@@ -96,25 +104,25 @@ export class Plot {
     context.textBaseline = "middle";
     context.lineWidth = 1;
     context.strokeStyle = GRID;
-    context.fillStyle = LETTERS;
-    const [low, , top] = values;
+    context.fillStyle = LABELS;
+    const [low, , high] = values;
     context.beginPath();
     for (const value of values) {
       context.moveTo(LEFT, Math.round(y(value)) + 0.5);
-      context.lineTo(width - EDGE, Math.round(y(value)) + 0.5);
+      context.lineTo(width - MARGIN, Math.round(y(value)) + 0.5);
     }
     for (let second = 0; second <= SPAN; second += 2) {
       context.moveTo(Math.round(atSecond(second)) - 0.5, y(low));
-      context.lineTo(Math.round(atSecond(second)) - 0.5, y(top));
+      context.lineTo(Math.round(atSecond(second)) - 0.5, y(high));
     }
     context.stroke();
-    context.fillText(short(top), LEFT - 4, y(top) + 5);
+    context.fillText(short(high), LEFT - 4, y(high) + 5);
     context.fillText(short(low), LEFT - 4, y(low) - 5);
   }
 
-  #drawTrace(key, colour, x, y) {
+  #drawTrace(key, color, x, y) {
     const context = this.#context;
-    context.strokeStyle = colour;
+    context.strokeStyle = color;
     context.lineWidth = 1.5;
     context.lineJoin = "round";
     context.beginPath();
@@ -122,7 +130,7 @@ export class Plot {
     for (const [time, values] of this.#points) {
       const value = values.get(key) ?? null;
       if (value === null) continue;
-      if (time - last > BREAK) context.moveTo(x(time), y(value));
+      if (time - last > MAX_GAP) context.moveTo(x(time), y(value));
       context.lineTo(x(time), y(value));
       last = time;
     }
@@ -130,8 +138,52 @@ export class Plot {
   }
 }
 
-/** The next of 1, 2, 5, 10, ... (or 0.1, 0.2, ...) that is not below the value. */
-function rounded(value) {
+/** The three plots of the page: camera shift, camera rotation, scores of the targets. */
+export class Charts {
+  #shift = new Plot(figure("plot-shift"), { minimum: 2 });
+  #rotation = new Plot(figure("plot-rotation"), { minimum: 0.2 });
+  #score = new Plot(figure("plot-score"), { fixed: [0, 1] });
+
+  constructor() {
+    const named = (name, color) => [name, { name, color }];
+    this.#shift.setTraces(new Map([named("dx", DX), named("dy", DY)]));
+    this.#rotation.setTraces(new Map([named("angle", ROTATION)]));
+  }
+
+  get #all() {
+    return [this.#shift, this.#rotation, this.#score];
+  }
+
+  /** Add a step; an unreliable motion leaves a gap. */
+  add({ time: frameTime, motion, targets }) {
+    const time = frameTime ?? performance.now() / 1000;
+    const known = motion?.reliable ? motion : null;
+    const shifts = known ? [["dx", known.dx], ["dy", known.dy]] : [];
+    this.#shift.add(time, new Map(shifts));
+    this.#rotation.add(time, new Map(known ? [["angle", known.angle * DEGREES]] : []));
+    this.#score.add(time, new Map(targets.map(({ id, score }) => [id, score])));
+    this.#score.setTraces(
+      new Map(targets.map(({ id, name, colour: color }) => [id, { name, color }])),
+    );
+  }
+
+  draw() {
+    for (const plot of this.#all) plot.draw();
+  }
+
+  describe() {
+    this.#shift.describe("Camera shift in pixels per frame");
+    this.#rotation.describe("Camera rotation in degrees per frame");
+    this.#score.describe("Scores");
+  }
+
+  clear() {
+    for (const plot of this.#all) plot.clear();
+  }
+}
+
+/** The smallest of 1, 2, 5, 10, ... (or 0.1, 0.2, ...) that is not below the value. */
+function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 2, 5, 10].map((step) => step * power).find((step) => step >= value * 0.999);
 }
@@ -140,10 +192,10 @@ function short(value) {
   return String(Number(value.toPrecision(2))).replace("-", "−");
 }
 
-function keyEntry({ name, colour }) {
+function keyEntry({ name, color }) {
   const entry = document.createElement("span");
   const mark = document.createElement("i");
-  mark.style.backgroundColor = colour;
+  mark.style.backgroundColor = color;
   entry.append(mark, name);
   return entry;
 }

@@ -1,4 +1,4 @@
-/** The list of recordings: their files, and a player. */
+/** The list of recordings with their files, and a player. */
 
 import { withToken } from "./socket.js";
 
@@ -17,7 +17,7 @@ export class Recordings {
   constructor(failed) {
     document.getElementById("player-close").addEventListener("click", () => this.close());
     this.#video.addEventListener("error", () => {
-      if (this.#video.hasAttribute("src")) failed(`${this.#title.textContent} cannot be played here.`);
+      if (this.#video.hasAttribute("src")) failed(`${this.#title.textContent} cannot be played in this browser.`);
     });
   }
 
@@ -29,13 +29,13 @@ export class Recordings {
     if (playing && !recordings.some(({ name }) => name === playing)) this.close();
   }
 
-  /** Show the recorded video. */
+  /** Play a recorded video. */
   play(name) {
     this.#player.hidden = false;
     this.#title.textContent = name;
-    this.#video.src = address(name, VIDEO);
+    this.#video.src = urlOf(name, VIDEO);
     this.#player.scrollIntoView({ block: "nearest" });
-    // A browser may want another click before it plays; the player then shows its own button.
+    // A browser may require another click, for which the player has a button.
     this.#video.play().catch(() => this.#video.focus());
   }
 
@@ -50,11 +50,11 @@ export class Recordings {
     const item = document.createElement("li");
     const length = open ? "recording…" : `${seconds.toFixed(1)} s, ${frames} frames`;
     item.append(text("span", "title", name), text("span", "muted", length));
-    if (error) item.append(text("span", "trouble", error));
+    if (error) item.append(text("span", "problem", error));
     if (open) return item;
     const links = text("p", "files", "");
     if (files.includes(VIDEO)) links.append(this.#playButton(name));
-    links.append(...files.map((file) => download(name, file)));
+    links.append(...files.map((file) => downloadLink(name, file)));
     item.append(links);
     return item;
   }
@@ -68,14 +68,14 @@ export class Recordings {
   }
 }
 
-function download(name, file) {
+function downloadLink(name, file) {
   const link = text("a", "", file);
-  link.href = address(name, file);
+  link.href = urlOf(name, file);
   link.download = `${name}-${file}`;
   return link;
 }
 
-function address(name, file) {
+function urlOf(name, file) {
   return withToken(`/recordings/${encodeURIComponent(name)}/${encodeURIComponent(file)}`);
 }
 

@@ -1,15 +1,15 @@
-/** The socket to the session: commands out, messages in, and open again after it broke. */
+/** The WebSocket to the session: sends commands, receives messages, reconnects. */
 
-/** Code of commands that were not sent, or not answered before the connection broke. */
+/** Code of commands that were not sent, or not answered before the connection was lost. */
 export const OFFLINE = "offline";
 
 const FIRST_WAIT = 500; // milliseconds
-const LONGEST_WAIT = 10_000;
-const LARGEST_ASK = 2 ** 31;
+const MAX_WAIT = 10_000;
+const MAX_ASK = 2 ** 31;
 const REFUSED =
-  "The server does not let this page in: open the whole address that it printed, with its #token=, " +
-  "or close another page of it.";
-/** What the close codes of docs/live-protocol.md mean to people. */
+  "The server refused the connection. Open the complete address that it printed, including " +
+  "#token=, or close another page of this session.";
+/** The close codes of docs/live-protocol.md, for people. */
 const REASONS = new Map([
   [1001, "The session has ended."],
   [1008, "The server closed the connection: too many messages."],
@@ -17,8 +17,8 @@ const REASONS = new Map([
   [1013, "The connection was too slow."],
 ]);
 
-/** What a command that the server did not carry out is rejected with. */
-export class CommandFailed extends Error {
+/** The error of a command that failed. */
+export class CommandError extends Error {
   /** @param {string} code as in the protocol, or `OFFLINE` @param {string} message */
   constructor(code, message) {
     super(message);
@@ -26,27 +26,27 @@ export class CommandFailed extends Error {
   }
 }
 
-/** The token of the address, "" if there is none. */
+/** The token in the page's address, or "". */
 export function token() {
   return new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
 }
 
-/** `path` with the token as its query, where there is one. */
+/** `path` with the token in its query, if there is one. */
 export function withToken(path) {
   return token() ? `${path}?token=${encodeURIComponent(token())}` : path;
 }
 
 /**
  * @typedef {object} Handlers
- * @property {(message: object) => void} message every text message but answers
+ * @property {(message: object) => void} message all text messages except answers
  * @property {(buffer: ArrayBuffer) => void} binary
- * @property {(reason: string, wait: number) => void} lost with the milliseconds to the next try
+ * @property {(reason: string, wait: number) => void} lost with the milliseconds until the next attempt
  */
 
 export class Socket {
   #handlers;
   #socket = null;
-  #asks = new Map();
+  #pending = new Map();
   #lastAsk = 0;
   #failures = 0;
   #timer = 0;
@@ -60,7 +60,7 @@ export class Socket {
     return this.#socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Connect, at once; a connection that there is gets closed. */
+  /** Connect now; an existing connection is closed. */
   open() {
     clearTimeout(this.#timer);
     this.#socket?.close();
@@ -69,59 +69,59 @@ export class Socket {
     socket.binaryType = "arraybuffer";
     let opened = false;
     socket.addEventListener("open", () => (opened = true));
-    socket.addEventListener("message", ({ data }) => this.#take(socket, data));
+    socket.addEventListener("message", ({ data }) => this.#receive(socket, data));
     socket.addEventListener("close", ({ code }) => this.#closed(socket, opened, code));
     this.#socket = socket;
   }
 
-  /** Send a message that has no answer; false if there is no connection. */
+  /** Send a message without an answer; false if there is no connection. */
   send(message) {
     if (!this.connected) return false;
     this.#socket.send(message instanceof Blob ? message : JSON.stringify(message));
     return true;
   }
 
-  /** Send a command; resolves to its answer, or rejects with a `CommandFailed`. */
+  /** Send a command; resolves to its result, or rejects with a `CommandError`. */
   ask(command) {
-    const ask = (this.#lastAsk = (this.#lastAsk % LARGEST_ASK) + 1);
+    const ask = (this.#lastAsk = (this.#lastAsk % MAX_ASK) + 1);
     if (!this.send({ ...command, ask })) {
-      return Promise.reject(new CommandFailed(OFFLINE, "Not connected."));
+      return Promise.reject(new CommandError(OFFLINE, "Not connected."));
     }
-    return new Promise((resolve, reject) => this.#asks.set(ask, { resolve, reject }));
+    return new Promise((resolve, reject) => this.#pending.set(ask, { resolve, reject }));
   }
 
-  #take(socket, data) {
+  #receive(socket, data) {
     if (socket !== this.#socket) return;
     if (data instanceof ArrayBuffer) {
       this.#handlers.binary(data);
       return;
     }
     const message = JSON.parse(data);
-    const asked = this.#asks.get(message.ask);
-    this.#asks.delete(message.ask);
+    const pending = this.#pending.get(message.ask);
+    this.#pending.delete(message.ask);
     if (message.type === "hello") this.#failures = 0;
-    if (asked && message.type === "done") asked.resolve(message.answer);
-    else if (asked) asked.reject(new CommandFailed(message.code, message.message));
+    if (pending && message.type === "done") pending.resolve(message.answer);
+    else if (pending) pending.reject(new CommandError(message.code, message.message));
     else this.#handlers.message(message);
   }
 
   async #closed(socket, opened, code) {
     if (socket !== this.#socket) return;
     this.#socket = null;
-    for (const { reject } of this.#asks.values()) {
-      reject(new CommandFailed(OFFLINE, "The connection was lost."));
+    for (const { reject } of this.#pending.values()) {
+      reject(new CommandError(OFFLINE, "The connection was lost."));
     }
-    this.#asks.clear();
-    const wait = Math.min(FIRST_WAIT * 2 ** this.#failures++, LONGEST_WAIT);
+    this.#pending.clear();
+    const wait = Math.min(FIRST_WAIT * 2 ** this.#failures++, MAX_WAIT);
     this.#timer = setTimeout(() => this.open(), wait * (0.75 + Math.random() / 2));
-    const reason = REASONS.get(code) ?? "The connection is lost.";
+    const reason = REASONS.get(code) ?? "The connection was lost.";
     this.#handlers.lost(reason, wait);
-    // A browser does not tell a page why a socket did not open: a server that answers refused it.
-    if (!opened && (await answers()) && !this.connected) this.#handlers.lost(REFUSED, wait);
+    // Browsers do not say why a socket did not open. If the server responds, it refused it.
+    if (!opened && (await isServerUp()) && !this.connected) this.#handlers.lost(REFUSED, wait);
   }
 }
 
-async function answers() {
+async function isServerUp() {
   try {
     return (await fetch("/", { method: "HEAD", cache: "no-store" })).status < 500;
   } catch {

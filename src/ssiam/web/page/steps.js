@@ -1,12 +1,12 @@
-/** Steps as they arrive, and what changes from one to the next. */
+/** Parsing of steps, and what changes from one to the next. */
 
 import { contains } from "./geometry.js";
 
-const FOUND_FLASH = 1000; // milliseconds
-const ERROR_SHOWN = 3000; // milliseconds after the last frame on which a tracker failed
+const FOUND_DURATION = 1000; // milliseconds for which a target counts as found
+const ERROR_DURATION = 3000; // milliseconds for which a tracker's error is shown
 
 /**
- * @typedef {object} Target
+ * @typedef {object} Target a target by the field names of the protocol
  * @property {number} id
  * @property {string} name
  * @property {string} colour
@@ -19,7 +19,7 @@ const ERROR_SHOWN = 3000; // milliseconds after the last frame on which a tracke
  */
 
 /**
- * The header and the pictures of a binary message.
+ * Split a binary message into its header and its images.
  * @param {ArrayBuffer} buffer
  * @returns {{header: object, jpegs: Map<string, Blob>}}
  */
@@ -27,50 +27,50 @@ export function readStep(buffer) {
   const length = new DataView(buffer).getUint32(0);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   const jpegs = new Map();
-  let start = 4 + length;
+  let offset = 4 + length;
   for (const { view, bytes } of header.pictures) {
-    const part = new Uint8Array(buffer, start, bytes);
+    const part = new Uint8Array(buffer, offset, bytes);
     jpegs.set(view, new Blob([part], { type: "image/jpeg" }));
-    start += bytes;
+    offset += bytes;
   }
   return { header, jpegs };
 }
 
-const UNKNOWN = { lost: false, foundAt: -Infinity, error: "", errorAt: -Infinity };
+const INITIAL = { lost: false, foundAt: -Infinity, error: "", errorAt: -Infinity };
 
-/** Remembers which targets are lost, for a second which were found again, and recent errors. */
-export class States {
-  #known = new Map();
+/** Which targets are lost or were just found again, and their recent errors. */
+export class TargetStates {
+  #states = new Map();
 
   /**
-   * Take a step in; what is to be told about it, as sentences.
+   * Add a step; returns announcements of what has changed, as sentences.
    * @param {{targets: Target[]}} header
    * @param {number} now milliseconds
    * @returns {string[]}
    */
   update({ targets }, now) {
-    const told = [];
-    const known = new Map();
+    const changes = [];
+    const states = new Map();
     for (const { id, name, lost, found, error } of targets) {
-      const before = this.#known.get(id) ?? UNKNOWN;
+      const before = this.#states.get(id) ?? INITIAL;
       if (error) {
-        if (now - before.errorAt > ERROR_SHOWN) told.push(`The tracker of ${name} fails: ${error}`);
-        known.set(id, { ...before, error, errorAt: now });
+        if (now - before.errorAt > ERROR_DURATION) changes.push(`The tracker of ${name} failed: ${error}`);
+        states.set(id, { ...before, error, errorAt: now });
         continue;
       }
-      const again = !lost && (found || before.lost);
-      // The step on which it was found may be one that this client was not sent.
-      if (again) told.push(`${name} is found again`);
-      if (lost && !before.lost) told.push(`${name} is lost`);
-      known.set(id, { ...before, lost, foundAt: again ? now : before.foundAt });
+      // The step on which it was found may not have been sent to this client.
+      const isFound = !lost && (found || before.lost);
+      if (isFound) changes.push(`${name} was found again`);
+      if (lost && !before.lost) changes.push(`${name} is lost`);
+      states.set(id, { ...before, lost, foundAt: isFound ? now : before.foundAt });
     }
-    this.#known = known;
-    return told;
+    this.#states = states;
+    return changes;
   }
 
-  /** Forget all: another session begins. */
+  /** Forget all targets: a new session starts. */
   clear() {
-    this.#known.clear();
+    this.#states.clear();
   }
 
   /**
@@ -80,52 +80,52 @@ export class States {
    */
   of(target, now) {
     if (target.lost) return "lost";
-    const foundAt = this.#known.get(target.id)?.foundAt ?? -Infinity;
-    return now - foundAt < FOUND_FLASH ? "found" : "tracking";
+    const foundAt = this.#states.get(target.id)?.foundAt ?? -Infinity;
+    return now - foundAt < FOUND_DURATION ? "found" : "tracking";
   }
 
   /**
-   * Why its tracker failed, if it did so on one of the last frames; else "".
+   * The recent error of its tracker, or "".
    * @param {Target} target
    * @param {number} now milliseconds
    * @returns {string}
    */
   errorOf(target, now) {
-    const { error, errorAt } = this.#known.get(target.id) ?? UNKNOWN;
-    return now - errorAt < ERROR_SHOWN ? error : "";
+    const { error, errorAt } = this.#states.get(target.id) ?? INITIAL;
+    return now - errorAt < ERROR_DURATION ? error : "";
   }
 }
 
-/** What the picture shows, in words. */
+/** Describe a step for screen readers. */
 export function summary({ index, targets }) {
   const parts = targets.map(({ name, box: [x, y, w, h], score, lost }) => {
     if (lost) return `${name} is lost`;
-    const at = `${Math.round(x + w / 2)}, ${Math.round(y + h / 2)}`;
-    return `${name} at ${at}, score ${score.toFixed(2)}`;
+    const center = `${Math.round(x + w / 2)}, ${Math.round(y + h / 2)}`;
+    return `${name} at ${center}, score ${score.toFixed(2)}`;
   });
   return `Frame ${index}. ${parts.length ? parts.join("; ") : "No targets"}.`;
 }
 
-/** The smallest target at a place of the raw frame; undefined if none is there. */
-export function targetAt(targets, place) {
-  const there = targets.filter(({ box, lost }) => !lost && contains(box, place));
-  return there.sort((a, b) => a.box[2] * a.box[3] - b.box[2] * b.box[3])[0];
+/** The smallest target at a point of the raw frame; undefined if there is none. */
+export function targetAt(targets, point) {
+  const hits = targets.filter(({ box, lost }) => !lost && contains(box, point));
+  return hits.sort((a, b) => a.box[2] * a.box[3] - b.box[2] * b.box[3])[0];
 }
 
 /**
- * `work`, at most once every `pause` milliseconds; never left out at the end.
- * @param {() => void} work
- * @param {number} pause
+ * A function that calls `callback` at most once per interval; the last call is never dropped.
+ * @param {() => void} callback
+ * @param {number} interval milliseconds
  */
-export function paced(work, pause) {
+export function throttle(callback, interval) {
   let last = -Infinity;
   let timer = 0;
   const run = () => {
     last = performance.now();
     timer = 0;
-    work();
+    callback();
   };
   return () => {
-    if (!timer) timer = setTimeout(run, Math.max(0, last + pause - performance.now()));
+    if (!timer) timer = setTimeout(run, Math.max(0, last + interval - performance.now()));
   };
 }

@@ -1,6 +1,6 @@
 /** The list of targets. */
 
-const WORDS = { tracking: "tracking", lost: "LOST", found: "FOUND" };
+const STATE_TEXTS = { tracking: "tracking", lost: "LOST", found: "FOUND" };
 
 /**
  * @typedef {object} Handlers
@@ -9,7 +9,7 @@ const WORDS = { tracking: "tracking", lost: "LOST", found: "FOUND" };
  * @property {(id: number) => void} remove
  */
 
-/** A list item for every target, made once and then kept up to date. */
+/** Keeps one list item per target up to date. */
 export class TargetList {
   #rows = new Map();
   #list;
@@ -26,7 +26,7 @@ export class TargetList {
   /**
    * @param {import("./steps.js").Target[]} targets
    * @param {(target: object) => "tracking" | "lost" | "found"} stateOf
-   * @param {(target: object) => string} errorOf "" where there is none
+   * @param {(target: object) => string} errorOf "" if there is none
    * @param {number | null} selected
    */
   update(targets, stateOf, errorOf, selected) {
@@ -39,21 +39,21 @@ export class TargetList {
     for (const target of targets) {
       if (!this.#rows.has(target.id)) this.#rows.set(target.id, this.#add(target));
       const row = this.#rows.get(target.id);
-      show(row, target, stateOf(target), target.id === selected);
+      updateRow(row, target, stateOf(target), target.id === selected);
       row.error.textContent = errorOf(target);
       row.error.hidden = row.error.textContent === "";
     }
     this.#empty.hidden = targets.length > 0;
   }
 
-  #add({ id, colour }) {
-    const row = makeRow(colour);
+  #add({ id, colour: color }) {
+    const row = makeRow(color);
     row.item.addEventListener("pointerdown", () => this.#handlers.select(id));
     row.swatch.addEventListener("click", () => this.#handlers.select(id));
     row.name.addEventListener("focus", () => this.#handlers.select(id));
     row.name.addEventListener("change", () => this.#rename(id, row));
-    row.name.addEventListener("blur", () => this.#settle(row));
-    row.name.addEventListener("keydown", (event) => finish(event, row));
+    row.name.addEventListener("blur", () => this.#restore(row));
+    row.name.addEventListener("keydown", (event) => onNameKey(event, row));
     row.remove.addEventListener("click", () => this.#handlers.remove(id));
     this.#list.append(row.item);
     return row;
@@ -61,40 +61,40 @@ export class TargetList {
 
   async #rename(id, row) {
     const name = row.name.value.trim().replace(/\s+/g, " ");
-    if (!name || name === row.known) return;
+    if (!name || name === row.knownName) return;
     row.isSent = true;
     const answer = await this.#handlers.rename(id, name);
     row.isSent = false;
-    if (answer === undefined) this.#settle(row);
+    if (answer === undefined) this.#restore(row);
   }
 
-  /** What is not being typed, nor on its way, is what the session says. */
-  #settle(row) {
-    if (!row.isSent) row.name.value = row.known;
+  /** Show the session's name again, unless a new one has been sent. */
+  #restore(row) {
+    if (!row.isSent) row.name.value = row.knownName;
   }
 }
 
-/** Enter takes a name, Escape gives it up. */
-function finish(event, row) {
-  if (event.key === "Escape") row.name.value = row.known;
+/** Enter commits a name, Escape cancels it. */
+function onNameKey(event, row) {
+  if (event.key === "Escape") row.name.value = row.knownName;
   if (event.key === "Escape" || event.key === "Enter") row.name.blur();
 }
 
-function show(row, target, state, selected) {
+function updateRow(row, target, state, selected) {
   const { name, score } = target;
-  if (row.known !== name) nameRow(row, name);
+  if (row.knownName !== name) setName(row, name);
   row.item.dataset.state = state;
   row.item.classList.toggle("selected", selected);
   row.swatch.setAttribute("aria-pressed", String(selected));
-  row.state.textContent = WORDS[state];
+  row.state.textContent = STATE_TEXTS[state];
   const percent = Math.round(Math.min(Math.max(score, 0), 1) * 100);
   row.meter.setAttribute("aria-valuenow", String(percent));
   row.bar.style.transform = `scaleX(${percent / 100})`;
   row.number.textContent = score.toFixed(2);
 }
 
-function nameRow(row, name) {
-  row.known = name;
+function setName(row, name) {
+  row.knownName = name;
   if (document.activeElement !== row.name) row.name.value = name;
   row.swatch.setAttribute("aria-label", `Select ${name}`);
   row.name.setAttribute("aria-label", `Name of ${name}`);
@@ -102,7 +102,7 @@ function nameRow(row, name) {
   row.remove.setAttribute("aria-label", `Remove ${name}`);
 }
 
-function makeRow(colour) {
+function makeRow(color) {
   const item = make("li", "target");
   const swatch = make("button", "swatch", { type: "button" });
   const name = make("input", "name", { type: "text", maxLength: 40, spellcheck: false });
@@ -115,11 +115,11 @@ function makeRow(colour) {
   const bar = make("span", "bar");
   const number = make("span", "number");
   const remove = make("button", "remove quiet", { type: "button", textContent: "×" });
-  const error = make("span", "trouble", { hidden: true });
-  swatch.style.backgroundColor = bar.style.backgroundColor = colour;
+  const error = make("span", "problem", { hidden: true });
+  swatch.style.backgroundColor = bar.style.backgroundColor = color;
   meter.append(bar);
   item.append(swatch, name, state, meter, number, remove, error);
-  return { item, swatch, name, state, meter, bar, number, remove, error, known: null, isSent: false };
+  return { item, swatch, name, state, meter, bar, number, remove, error, knownName: null, isSent: false };
 }
 
 function make(tag, className, properties = {}) {

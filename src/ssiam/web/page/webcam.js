@@ -1,9 +1,9 @@
-/** This device's camera, sent to the session one picture at a time. */
+/** Sends this device's camera to the session, one frame at a time. */
 
-const PAUSE = 1000 / 30; // milliseconds between pictures, at least
-const PATIENCE = 1000; // milliseconds until a picture that did not come back is given up
+const INTERVAL = 1000 / 30; // milliseconds between frames, at least
+const STEP_TIMEOUT = 1000; // milliseconds to wait for the step of a frame
 const QUALITY = 0.85;
-const WANTED = {
+const CONSTRAINTS = {
   audio: false,
   video: {
     width: { ideal: 640 },
@@ -24,7 +24,7 @@ class Webcam {
   #changed;
 
   /**
-   * @param {(picture: Blob) => boolean} send
+   * @param {(jpeg: Blob) => boolean} send
    * @param {(on: boolean) => void} changed
    */
   constructor(send, changed) {
@@ -36,12 +36,12 @@ class Webcam {
     return this.#stream !== null;
   }
 
-  /** Ask for the camera and send; rejects with a `DOMException` if it cannot be had. */
+  /** Open the camera and start sending; rejects with a `DOMException` if that is impossible. */
   async start() {
     if (!navigator.mediaDevices) {
-      throw new DOMException("A browser gives its camera to https:// and localhost pages only.");
+      throw new DOMException("browsers allow it on https:// and localhost pages only.");
     }
-    this.#stream = await navigator.mediaDevices.getUserMedia(WANTED);
+    this.#stream = await navigator.mediaDevices.getUserMedia(CONSTRAINTS);
     this.#stream.getVideoTracks()[0].addEventListener("ended", () => this.stop());
     this.#video.srcObject = this.#stream;
     await this.#video.play();
@@ -57,42 +57,42 @@ class Webcam {
     this.#changed(false);
   }
 
-  /** A step came: the next picture may go. */
-  cameBack() {
+  /** A step has arrived: send the next frame. */
+  onStep() {
     if (!this.on || !this.#sentAt) return;
-    this.#again(Math.max(0, this.#sentAt + PAUSE - performance.now()));
+    this.#schedule(Math.max(0, this.#sentAt + INTERVAL - performance.now()));
     this.#sentAt = 0;
   }
 
-  #again(wait) {
+  #schedule(wait) {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#capture(), wait);
   }
 
   #capture() {
     const { videoWidth: width, videoHeight: height } = this.#video;
-    this.#again(PATIENCE);
+    this.#schedule(STEP_TIMEOUT);
     if (!width) return;
     if (this.#canvas.width !== width || this.#canvas.height !== height) {
       Object.assign(this.#canvas, { width, height });
     }
     this.#context.drawImage(this.#video, 0, 0);
-    this.#canvas.toBlob((picture) => this.#pass(picture), "image/jpeg", QUALITY);
+    this.#canvas.toBlob((jpeg) => this.#sendFrame(jpeg), "image/jpeg", QUALITY);
   }
 
-  #pass(picture) {
-    if (this.on && picture && this.#send(picture)) this.#sentAt = performance.now();
+  #sendFrame(jpeg) {
+    if (this.on && jpeg && this.#send(jpeg)) this.#sentAt = performance.now();
   }
 }
 
-/** The button that sends this device's camera to a session that waits for pictures. */
+/** The button that starts and stops the camera. */
 export class CameraButton {
   #button = document.getElementById("camera");
   #webcam;
   #failed;
 
   /**
-   * @param {(picture: Blob) => boolean} send
+   * @param {(jpeg: Blob) => boolean} send
    * @param {(message: string) => void} failed
    */
   constructor(send, failed) {
@@ -101,14 +101,15 @@ export class CameraButton {
     this.#button.addEventListener("click", () => this.#toggle());
   }
 
-  /** Whether the session has a use for it. */
-  offer(wanted) {
-    this.#button.hidden = !wanted;
-    if (!wanted) this.#webcam.stop();
+  /** Show the button if the session takes frames from browsers. */
+  offer(isWebcam) {
+    this.#button.hidden = !isWebcam;
+    if (!isWebcam) this.#webcam.stop();
   }
 
-  cameBack() {
-    this.#webcam.cameBack();
+  /** A step has arrived: send the next frame. */
+  onStep() {
+    this.#webcam.onStep();
   }
 
   async #toggle() {

@@ -1,1 +1,1 @@
-"""The live page on a port: who is let in, what they are sent, what they may ask."""
+"""The web server of a live session: access, messages to clients, commands from clients."""

@@ -1,4 +1,4 @@
-"""`create_app`: the live page, the session's socket and its recordings as an ASGI application."""
+"""`create_app`: the ASGI application: page, WebSocket and recordings."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ _INDEX: Final = "index.html"
 
 
 def create_app(session: Session, access: Access, limits: ServerLimits | None = None) -> Starlette:
-    """The application; ``app.state.clients`` are its `Clients`.
+    """The application; its `Clients` are ``app.state.clients``.
 
     Parameters
     ----------
     session : Session
-        Started, and closed, by the caller.
+        Started and closed by the caller.
     access : Access
-        Who is let in.
+        Who may connect.
     limits : ServerLimits, optional
     """
     clients = Clients(session, limits or ServerLimits())
     page = _read_page()
 
-    async def show_page(request: Request) -> Response:
+    async def send_page(request: Request) -> Response:
         name = request.path_params.get("name", _INDEX)
         if name not in page:
             raise HTTPException(404)
@@ -69,7 +69,7 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
             raise HTTPException(404) from None
         return FileResponse(path, filename=f"{name}-{file}")
 
-    async def tell_health(request: Request) -> Response:
+    async def send_health(request: Request) -> Response:
         newest = session.newest
         number = None if newest is None else newest.number
         state = session.health.state
@@ -85,13 +85,13 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
     readable = frozenset({"/", *(f"/page/{name}" for name in page)})
     app = Starlette(
         routes=[
-            Route("/", show_page),
-            Route("/page/{name}", show_page),
+            Route("/", send_page),
+            Route("/page/{name}", send_page),
             Route("/recordings/{name}/{file}", send_recording),
-            Route("/health", tell_health),
+            Route("/health", send_health),
             WebSocketRoute("/session", clients.serve),
         ],
-        middleware=[Middleware(Guard, access=access, is_open=readable.__contains__)],
+        middleware=[Middleware(Guard, access=access, is_public=readable.__contains__)],
         lifespan=lifespan,
     )
     app.router.redirect_slashes = False
@@ -100,7 +100,7 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
 
 
 def _read_page() -> dict[str, tuple[bytes, str]]:
-    """The page's files by their names: content and type. No other file is ever looked for."""
+    """The page's files, by name: content and media type. No other file is ever served."""
     page = {}
     for file in files("ssiam.web").joinpath("page").iterdir():
         _, dot, kind = file.name.rpartition(".")

@@ -1,4 +1,4 @@
-"""`Guard`: who may ask the server anything; before every request and every socket."""
+"""`Guard`: access control of every request and every WebSocket."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ _SECURITY_HEADERS: Final = (
 
 @dataclass(frozen=True)
 class Access:
-    """Who is let in.
+    """Who may connect.
 
     Attributes
     ----------
     port : int
-        That the server listens on.
+        Port of the server.
     names : frozenset of str
-        Names and addresses that it goes by, in lower case.
+        Names and addresses of the server, in lower case.
     any_address : bool
-        Whether it goes by every address, because it listens on all of its machine's. Addresses
-        cannot be made to point elsewhere, as names can.
+        Whether every IP address is accepted as the server's, because it listens on all addresses
+        of its machine. Unlike names, addresses are not open to DNS rebinding.
     token : str or None
-        What clients must know.
+        Token that clients must send; None if they need none.
     """
 
     port: int
@@ -56,72 +56,73 @@ class Access:
     any_address: bool = False
     token: str | None = None
 
-    def knows(self, host: str) -> bool:
+    def accepts_host(self, host: str) -> bool:
         """Whether a ``Host`` header names this server."""
         name, port = _split(host)
         if port != self.port:
             return False
         return name in self.names or (self.any_address and _is_address(name))
 
-    def admits(self, token: str | None) -> bool:
-        """Whether a client with this token may do more than read the page."""
+    def accepts_token(self, token: str | None) -> bool:
+        """Whether a client with this token may do more than load the page."""
         if self.token is None:
             return True
         return hmac.compare_digest((token or "").encode(), self.token.encode())
 
 
 class Guard:
-    """Lets through what `access` allows, and nothing else; ASGI middleware.
+    """ASGI middleware that enforces `access`.
 
-    Wrong ``Host`` (DNS rebinding), foreign ``Origin`` and wrong token: 403, for a socket before it
-    opens. Other methods than GET and HEAD: 405. Answers get the headers that keep browsers safe.
+    A wrong ``Host`` (DNS rebinding), a foreign ``Origin`` or a wrong token is answered by 403,
+    for a WebSocket before it opens; methods other than GET and HEAD by 405. Security headers are
+    added to all responses.
 
     Parameters
     ----------
     app : ASGI application
     access : Access
-    is_open : callable
-        Whether the page at a path may be read without a token, which its script brings along.
+    is_public : callable
+        Whether a path may be read without a token. The page may: its script sends the token.
     """
 
-    def __init__(self, app: App, access: Access, is_open: Callable[[str], bool]) -> None:
-        self._app, self._access, self._is_open = app, access, is_open
+    def __init__(self, app: App, access: Access, is_public: Callable[[str], bool]) -> None:
+        self._app, self._access, self._is_public = app, access, is_public
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or pass on."""
+        """Refuse a request, or pass it on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        refused = self._refusal(scope)
+        refusal = self._refusal(scope)
         if scope["type"] == "websocket":
-            if refused is None:
+            if refusal is None:
                 await self._app(scope, receive, send)
             else:
                 await receive()
                 await send({"type": "websocket.close"})
             return
         send = _with_headers(send)
-        if refused is None:
+        if refusal is None:
             await self._app(scope, receive, send)
         else:
-            await _answer(send, refused)
+            await _refuse(send, refusal)
 
     def _refusal(self, scope: Scope) -> HTTPStatus | None:
         hosts, origins = _values(scope, b"host"), _values(scope, b"origin")
-        if len(hosts) != 1 or not self._access.knows(hosts[0]):
+        if len(hosts) != 1 or not self._access.accepts_host(hosts[0]):
             return HTTPStatus.FORBIDDEN
         if origins not in ([], [f"http://{hosts[0]}"]):
             return HTTPStatus.FORBIDDEN
         if scope["type"] == "http":
             if scope["method"] not in ("GET", "HEAD"):
                 return HTTPStatus.METHOD_NOT_ALLOWED
-            if self._is_open(scope["path"]):
+            if self._is_public(scope["path"]):
                 return None
-        return None if self._access.admits(_token(scope)) else HTTPStatus.FORBIDDEN
+        return None if self._access.accepts_token(_token(scope)) else HTTPStatus.FORBIDDEN
 
 
 def _split(host: str) -> tuple[str, int | None]:
-    """Name and port of a ``Host`` header, the port None if it cannot be one."""
+    """Name and port of a ``Host`` header; the port is None if it is invalid."""
     name, colon, port = host.rpartition(":")
     if not colon or port.endswith("]"):
         name, port = host, str(_HTTP_PORT)
@@ -145,13 +146,13 @@ def _values(scope: Scope, name: bytes) -> list[str]:
 
 
 def _token(scope: Scope) -> str | None:
-    """What the request says the token is; None if it says nothing, or two things."""
-    said = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+    """The token of a request; None if there is none, or two different ones."""
+    tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
     for key, value in scope["headers"]:
-        scheme, _, given = value.decode("latin-1").partition(" ")
+        scheme, _, credentials = value.decode("latin-1").partition(" ")
         if key == b"authorization" and scheme.lower() == "bearer":
-            said.append(given.strip())
-    return said[0] if len(set(said)) == 1 else None
+            tokens.append(credentials.strip())
+    return tokens[0] if len(set(tokens)) == 1 else None
 
 
 def _with_headers(send: Send) -> Send:
@@ -163,7 +164,7 @@ def _with_headers(send: Send) -> Send:
     return send_with_headers
 
 
-async def _answer(send: Send, status: HTTPStatus) -> None:
+async def _refuse(send: Send, status: HTTPStatus) -> None:
     body = f"{status.value} {status.phrase}\n".encode()
     headers = [
         (b"content-type", b"text/plain; charset=utf-8"),

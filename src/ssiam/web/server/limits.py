@@ -1,4 +1,4 @@
-"""`ServerLimits`: what the server of the live page bears from its clients."""
+"""`ServerLimits`: what the server of the live page accepts from its clients."""
 
 from __future__ import annotations
 
@@ -9,51 +9,51 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ServerLimits:
-    """What one client may do, and how many there may be.
+    """Limits per client, and on their number.
 
     Attributes
     ----------
     clients : int
-        Sockets of the session at a time.
+        WebSocket clients at a time.
     connections : int
-        Connections of all kinds at a time. One more takes the place of the one that has waited
-        longest without asking for anything.
+        Connections of all kinds at a time. One more replaces the connection that has been idle
+        for longest.
     message_bytes : int
-        A text message.
-    picture_bytes : int
-        A picture of a browser's camera.
-    picture_pixels : int
-        The same, once decoded.
-    messages_a_second : float
-        On average, of one client.
+        Size of a text message.
+    image_bytes : int
+        Size of a JPEG from a browser's camera.
+    image_pixels : int
+        Its number of pixels.
+    messages_per_second : float
+        Average rate of messages.
     burst : int
-        Messages of one client at once.
-    frames_a_second : int
-        Of one client, parts of messages and signs of life; also at once.
+        Messages at once.
+    frames_per_second : int
+        Rate of WebSocket control and continuation frames; also the number at once.
     bad_messages : int
-        That a client may send before it is shut out.
-    waiting : int
-        Commands of one client that are not carried out yet.
+        Invalid messages before the client is disconnected.
+    pending_commands : int
+        Commands that are not answered yet.
     stall_seconds : float
-        That a client may take to read, or to acknowledge what it was sent.
+        Time for a client to read or acknowledge what it was sent.
     handshake_seconds : float
-        From the connection to the whole request, and from the end to the last byte.
+        Time from the connection to the complete request, and from the end to the last byte.
     head_bytes : int
-        Of a request: its line and its headers.
+        Size of a request's line and headers.
     unread_texts, unread_bytes : int
-        Kept for a client that does not read.
+        Text messages and bytes that are buffered for a client that does not read.
     """
 
     clients: int = 8
     connections: int = 64
     message_bytes: int = 65_536
-    picture_bytes: int = 4 * 1024 * 1024
-    picture_pixels: int = 4096 * 4096
-    messages_a_second: float = 200
+    image_bytes: int = 4 * 1024 * 1024
+    image_pixels: int = 4096 * 4096
+    messages_per_second: float = 200
     burst: int = 400
-    frames_a_second: int = 1000
+    frames_per_second: int = 1000
     bad_messages: int = 20
-    waiting: int = 64
+    pending_commands: int = 64
     stall_seconds: float = 10
     handshake_seconds: float = 5
     head_bytes: int = 16_384
@@ -61,29 +61,29 @@ class ServerLimits:
     unread_bytes: int = 32 * 1024 * 1024
 
 
-class Allowance:
-    """So many a second, and so many at once: a token bucket.
+class TokenBucket:
+    """A rate limit that allows bursts.
 
     Parameters
     ----------
-    a_second : float
+    per_second : float
     burst : int
     clock : callable
         Seconds.
     """
 
     def __init__(
-        self, a_second: float, burst: int, clock: Callable[[], float] = time.monotonic
+        self, per_second: float, burst: int, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._a_second, self._burst, self._clock = a_second, burst, clock
-        self._left, self._at = float(burst), clock()
+        self._per_second, self._burst, self._clock = per_second, burst, clock
+        self._tokens, self._updated = float(burst), clock()
 
     def take(self) -> bool:
-        """Whether one more is allowed now."""
+        """Take a token; False if there is none."""
         now = self._clock()
-        self._left = min(self._burst, self._left + (now - self._at) * self._a_second)
-        self._at = now
-        if self._left < 1:
+        self._tokens = min(self._burst, self._tokens + (now - self._updated) * self._per_second)
+        self._updated = now
+        if self._tokens < 1:
             return False
-        self._left -= 1
+        self._tokens -= 1
         return True

@@ -1,14 +1,16 @@
-"""`LiveServer`: the live page on a port of this machine."""
+"""`LiveServer`: serves the live page on a port of this machine."""
 
 from __future__ import annotations
 
+import ipaddress
+import secrets
 import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
-from ssiam.errors import IncompleteError, MissingExtraError
+from ssiam.errors import IncompleteError, MissingExtraError, SsiamError
 
 try:
     import uvicorn
@@ -23,30 +25,43 @@ except ModuleNotFoundError as error:
 
 from ssiam.web.server.app import create_app
 from ssiam.web.server.clients import Clients
-from ssiam.web.server.connections import HttpConnection, SocketConnection
+from ssiam.web.server.connections import (
+    ConnectionWatch,
+    HttpConnection,
+    SocketConnection,
+    WatchedConfig,
+)
+from ssiam.web.server.guard import LOOPBACK, Access
 from ssiam.web.server.limits import ServerLimits
-from ssiam.web.server.listening import ServerError, access_to, listen, page_address
-from ssiam.web.server.watch import Watch, WatchedConfig
 from ssiam.web.session import Session
 
 DEFAULT_PORT: Final = 8765
 
-_GRACE: Final = 2  # seconds for downloads when the server ends
-_GLANCE: Final = 0.2  # seconds between two looks at a server that runs
-_LAST_WORDS: Final = 1.0  # seconds for clients to hear that the session has failed
+_DOWNLOAD_TIMEOUT: Final = 2  # seconds for downloads to finish when the server ends
+_CHECK_INTERVAL: Final = 0.2  # seconds between two checks of a running server
+_FAILURE_DELAY: Final = 1.0  # seconds for clients to learn that the session has failed
+_TOKEN_BYTES: Final = 32
+_BACKLOG: Final = 128
+_MAX_PORT: Final = 65535
+# TEST-NET-1 of RFC 5737. Nothing is sent to it; connecting selects the outgoing interface.
+_REMOTE_ADDRESS: Final = ("192.0.2.1", 9)
+
+
+class ServerError(SsiamError):
+    """The server cannot listen on an address."""
 
 
 class LiveServer:
-    """Serves a session's page and socket from a thread; a context manager.
+    """Serves a session's page and WebSocket on its own thread. A context manager.
 
-    On the loopback nobody is asked for a token unless `needs_token`; elsewhere everybody is.
+    Clients need a token if the server listens on more than the loopback, or if `needs_token`.
 
     Parameters
     ----------
     session : Session
-        Started, and closed, by the caller.
+        Started and closed by the caller.
     host : str
-        Name or address to listen on; ``0.0.0.0`` for all of the machine's.
+        Name or address to listen on; ``0.0.0.0`` for all addresses of the machine.
     port : int
         0 takes a free one.
     needs_token : bool
@@ -55,14 +70,14 @@ class LiveServer:
     Attributes
     ----------
     access : Access
-        Who is let in.
+        Who may connect.
     address : str
-        What to open in a browser, with the token where one is needed.
+        What to open in a browser, including the token if one is needed.
 
     Raises
     ------
     ServerError
-        On construction, if the address cannot be listened on.
+        The server cannot listen on the address.
     """
 
     def __init__(
@@ -80,43 +95,43 @@ class LiveServer:
         self.access = access_to(self._listener, host, needs_token=needs_token)
         self.address = page_address(self._listener, self.access)
         app = create_app(session, self.access, limits)
-        config = _config(app, limits, webcam=session.info.webcam)
+        config = _configure(app, limits, webcam=session.info.webcam)
         self._server = _Server(config, app.state.clients)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="ssiam-server", daemon=True)
 
     def start(self) -> None:
-        """Begin to serve; returns when clients can connect. To be called once."""
+        """Start serving; returns when clients can connect. May be called once."""
         self._thread.start()
         self._server.ready.wait()
         if not self._server.started:
             self.close()
-            raise ServerError(f"{self.address}: the server did not start; its log says why")
+            raise ServerError(f"{self.address}: the server did not start; see the log")
 
     def close(self) -> None:
-        """Tell all clients that it is over, and end. May be called twice."""
+        """Disconnect all clients and stop. May be called twice."""
         self._server.should_exit = True
         if self._thread.is_alive():
             self._thread.join()
         self._listener.close()
 
     def run(self) -> None:
-        """Serve until Ctrl-C, or until the session has failed and its clients know it.
+        """Serve until Ctrl-C, or until the session has failed and its clients were informed.
 
         Raises
         ------
         IncompleteError
             The server has ended by itself.
         """
-        # Not Thread.join, which takes a thread for ended when Ctrl-C interrupts it (CPython 3.11).
+        # Not Thread.join: if Ctrl-C interrupts it, CPython 3.11 marks the thread as ended.
         with self, suppress(KeyboardInterrupt):
-            while not self._ended.wait(_GLANCE):
+            while not self._ended.wait(_CHECK_INTERVAL):
                 if self._session.health.state == "failed":
-                    self._ended.wait(_LAST_WORDS)
+                    self._ended.wait(_FAILURE_DELAY)
                     break
             else:
                 if not self._server.should_exit:
-                    raise IncompleteError(f"{self.address}: the server has ended; see its log")
+                    raise IncompleteError(f"{self.address}: the server has ended; see the log")
 
     def __enter__(self) -> LiveServer:
         self.start()
@@ -134,7 +149,7 @@ class LiveServer:
 
 
 class _Server(uvicorn.Server):
-    """Cuts off connections that keep it waiting, and says goodbye to clients."""
+    """Watches its connections, and disconnects clients before it ends."""
 
     def __init__(self, config: WatchedConfig, clients: Clients) -> None:
         super().__init__(config)
@@ -154,26 +169,85 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def _config(app: Callable[..., Any], limits: ServerLimits, *, webcam: bool) -> WatchedConfig:
-    config = WatchedConfig(
+def _configure(app: Callable[..., Any], limits: ServerLimits, *, webcam: bool) -> WatchedConfig:
+    return WatchedConfig(
         app,
+        ConnectionWatch(limits),
         loop="asyncio",
         http=HttpConnection,
         ws=SocketConnection,
         lifespan="on",
-        # Unless told not to, uvicorn logs the whole address of a socket, its token too.
+        # By default, uvicorn logs the address of a WebSocket, including its token.
         log_config=None,
         log_level="error",
         access_log=False,
         proxy_headers=False,
         server_header=False,
         timeout_keep_alive=max(1, round(limits.handshake_seconds)),
-        timeout_graceful_shutdown=_GRACE,
+        timeout_graceful_shutdown=_DOWNLOAD_TIMEOUT,
         h11_max_incomplete_event_size=limits.head_bytes,
-        ws_max_size=max(limits.message_bytes, limits.picture_bytes if webcam else 0),
+        ws_max_size=max(limits.message_bytes, limits.image_bytes if webcam else 0),
         ws_ping_interval=limits.stall_seconds,
         ws_ping_timeout=limits.stall_seconds,
         ws_per_message_deflate=False,
     )
-    config.watch = Watch(limits)
-    return config
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens on a name or address; port 0 takes a free one.
+
+    Raises
+    ------
+    ServerError
+        The machine does not have the address, or the port is in use or not permitted.
+    """
+    if not 0 <= port <= _MAX_PORT:
+        raise ServerError(f"port {port} does not exist: choose one from 1024 to {_MAX_PORT}")
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        family, _, _, _, address = found[0]
+        # :: also covers IPv4 if the system supports dual-stack sockets.
+        both = address[0] == "::" and socket.has_dualstack_ipv6()
+        return socket.create_server(
+            address[:2], family=family, backlog=_BACKLOG, dualstack_ipv6=both
+        )
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ServerError(
+            f"cannot listen on {host}, port {port} ({reason}): "
+            "choose another with --port, or another --host"
+        ) from None
+
+
+def access_to(listener: socket.socket, host: str, *, needs_token: bool) -> Access:
+    """Who may connect to a listener on `host`; other machines always need a token."""
+    address, port = listener.getsockname()[:2]
+    ip = ipaddress.ip_address(address)
+    token = None
+    if needs_token or not ip.is_loopback:
+        token = secrets.token_urlsafe(_TOKEN_BYTES)
+    names = LOOPBACK | {host.lower(), address}
+    if ip.is_unspecified:
+        machine = socket.gethostname().lower()
+        names |= {machine, machine.partition(".")[0] + ".local"}
+    return Access(port, names, ip.is_unspecified, token)
+
+
+def page_address(listener: socket.socket, access: Access) -> str:
+    """The URL of the page, including the token if one is needed."""
+    address = listener.getsockname()[0]
+    if access.any_address:
+        address = _own_address()
+    name = f"[{address}]" if ":" in address else address
+    token = "" if access.token is None else f"#token={access.token}"
+    return f"http://{name}:{access.port}/{token}"
+
+
+def _own_address() -> str:
+    """The address at which other machines can probably reach this one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(_REMOTE_ADDRESS)
+        except OSError:
+            return "127.0.0.1"
+        return str(probe.getsockname()[0])

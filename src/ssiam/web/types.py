@@ -1,0 +1,300 @@
+"""The values of a live session's interface: commands in, steps and messages out.
+
+All of them are frozen; docs/reference/live-protocol.md has their JSON form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ssiam.errors import SsiamError
+from ssiam.geometry import XYWH, Transform
+from ssiam.motion import Motion
+from ssiam.stabilize import Method
+from ssiam.track import Track
+from ssiam.video import Frame
+
+ErrorCode: TypeAlias = Literal[
+    "bad-message",
+    "bad-box",
+    "no-such-target",
+    "too-many-targets",
+    "too-old",
+    "not-possible",
+    "failed",
+]
+NoteLevel: TypeAlias = Literal["info", "warning", "error"]
+HealthState: TypeAlias = Literal["running", "stalled", "failed"]
+Playback: TypeAlias = Literal["playing", "paused", "reconnecting", "ended"]
+
+
+class CommandError(SsiamError):
+    """A command that a live session cannot carry out.
+
+    Attributes
+    ----------
+    code : str
+        Machine-readable reason (docs/reference/live-protocol.md). The message is for people.
+    """
+
+    def __init__(self, code: ErrorCode, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Add:
+    """Track one more target. The result is its id (int).
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    xywh : (x, y, w, h)
+        Box in raw-frame pixels.
+    number : int, optional
+        Step into which the box was drawn, by default the newest one. The session tracks the
+        target from that step through the frames that followed.
+    name : str, optional
+        By default ``target ID``.
+    """
+
+    xywh: XYWH
+    number: int | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Keep the step called `number`, because a box is being drawn into it.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    number: int
+
+
+@dataclass(frozen=True)
+class Remove:
+    """Stop tracking the target with this id; None stops all.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    id: int | None = None
+
+
+@dataclass(frozen=True)
+class Rename:
+    """Rename a target.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    id: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Stabilize:
+    """Switch the stabilization method of all targets' trackers; the targets are kept.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    method: Method
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Pause (True) or resume (False).
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    paused: bool
+
+
+@dataclass(frozen=True)
+class Advance:
+    """Process one more frame, and pause.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+
+@dataclass(frozen=True)
+class Restart:
+    """Play a file from its beginning; each target starts again where it was first drawn.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+
+@dataclass(frozen=True)
+class Record:
+    """Start (True) or stop (False) a recording. The result is its name (str).
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    recording: bool
+
+
+Command: TypeAlias = Add | Hold | Remove | Rename | Stabilize | Pause | Advance | Restart | Record
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The state of one target in one frame.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    id : int
+        From 1; never reused within a session.
+    name : str
+    color : str
+        ``#rrggbb``.
+    track : Track
+        Raw-frame pixels.
+    redetected : bool
+        True on the first frame after the target was lost.
+    error : str
+        Why its tracker failed on this frame, one line; empty if it did not. The target counts as
+        lost in this frame.
+    """
+
+    id: int
+    name: str
+    color: str
+    track: Track
+    redetected: bool = False
+    error: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One frame of a session and its results.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    number : int
+        Counts the steps of the session from 1, across restarts of the source.
+    frame : Frame
+    targets : tuple of Target
+    motion : Motion or None
+        Camera motion since the previous frame; None with ``stabilize="off"``.
+    stab_from_raw : (3, 3) float64
+        Transform to the stabilized view that people see: the paper's (eq. 7), whichever method
+        the trackers use.
+    stabilize : str
+        Method of the trackers.
+    arrived, done : float
+        When the frame arrived and when its targets were known, seconds of `time.monotonic`.
+    fps : float
+        Recent rate of steps, per second.
+    dropped : int
+        Frames that were replaced by newer ones before they could be processed, since the session
+        began.
+    playback : {"playing", "paused", "reconnecting", "ended"}
+    recording : str or None
+        Name of the open recording.
+    error : str
+        Why the frame as a whole could not be processed, one line; empty if it could.
+    """
+
+    number: int
+    frame: Frame
+    targets: tuple[Target, ...]
+    motion: Motion | None
+    stab_from_raw: Transform
+    stabilize: Method
+    arrived: float
+    done: float
+    fps: float
+    dropped: int
+    playback: Playback
+    recording: str | None = None
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Health:
+    """Whether a session still tracks its targets.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    state : {"running", "stalled", "failed"}
+        stalled: a frame or a command takes very long and may never finish; nothing else is
+        processed meanwhile. failed: tracking has ended because of an error.
+    message : str
+        One line for people; empty while running.
+    """
+
+    state: HealthState = "running"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class Note:
+    """One line for the people who watch a session; never contains a password.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    level: NoteLevel
+    message: str
+
+
+@dataclass(frozen=True)
+class SessionLimits:
+    """Limits of a session.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    targets : int
+        Maximum number of targets at a time.
+    """
+
+    targets: int = 16
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """Source and tracker of a session.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source, without a password.
+    size_wh : (int, int) or None
+        Frame size in pixels; None until it is known.
+    fps : float or None
+        Frames per second; None if unknown.
+    length : int or None
+        Number of frames; None for live sources.
+    tracker : str
+    seekable : bool
+        Whether `Restart` works.
+    webcam : bool
+        Whether frames come from a browser.
+    """
+
+    source: str
+    size_wh: tuple[int, int] | None
+    fps: float | None
+    length: int | None
+    tracker: str
+    seekable: bool
+    webcam: bool
