@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssiam.networks.checkpoints import read_tensors
+from ssiam.networks.checkpoints import read_state_dict
 from ssiam.networks.lite import LiteNetwork
 from ssiam.training.finished import WEIGHTS, write_network
 
@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     first, second = (
-        read_tensors(folder / WEIGHTS) for folder in (arguments.first, arguments.second)
+        read_state_dict(folder / WEIGHTS) for folder in (arguments.first, arguments.second)
     )
     mixed = {
         name: first[name].lerp(value, arguments.share) if value.is_floating_point() else value

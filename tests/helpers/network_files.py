@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from helpers.rule_weights import key_lists, rule_weights
+from helpers.seeded_weights import key_lists, rule_weights
 
 
 def rule_state(keys):

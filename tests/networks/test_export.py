@@ -17,10 +17,10 @@ from ssiam.errors import (  # noqa: E402
     WeightsError,
 )
 from ssiam.networks import build_network, inference_graphs, write_onnx  # noqa: E402
-from ssiam.runtime import Running, export, load_network  # noqa: E402
-from ssiam.runtime.exported import Exported  # noqa: E402
+from ssiam.runtime import RuntimeOptions, export, load_network  # noqa: E402
 from ssiam.runtime.files import sha256  # noqa: E402
-from ssiam.runtime.pieces import load_pieces  # noqa: E402
+from ssiam.runtime.loading import load_pieces  # noqa: E402
+from ssiam.runtime.manifest import Manifest  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.siamese import crop_tensor  # noqa: E402
 
@@ -72,7 +72,7 @@ def test_files_that_differ_from_pytorch_are_not_kept(tmp_path, monkeypatch):
         pytest.param(
             {"network": "siamfc"}, WeightsError, f"those of {ALEX}, not of siamfc", id="another"
         ),
-        pytest.param({"precision": "int8"}, ArgumentError, "needs pictures", id="no pictures"),
+        pytest.param({"precision": "int8"}, ArgumentError, "needs images", id="no pictures"),
     ],
 )
 def test_what_cannot_be_exported(tmp_path, changes, error, complaint):
@@ -100,10 +100,10 @@ def test_the_missing_package_is_named(tmp_path, monkeypatch):
 )
 def test_int8_runs_alike_on_both_runtimes_and_near_f32(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("ssiam.runtime.calibration._CROPS", 6)
+    monkeypatch.setattr("ssiam.runtime.quantization._CROPS", 6)
     frames, _ = golden_video("A", 4)
     assert export_alex(tmp_path / "int8", precision="int8", pictures=frames).precision == "int8"
-    assert Exported.read(tmp_path / "int8").precision == "int8"
+    assert Manifest.read(tmp_path / "int8").precision == "int8"
     view = FrameView(frames[3])
     crops = [view.crop((110, 120), side, out, (0, 0, 0)) for side, out in ((90, 127), (203, 287))]
     template, search = map(crop_tensor, crops)
@@ -113,7 +113,7 @@ def test_int8_runs_alike_on_both_runtimes_and_near_f32(tmp_path, monkeypatch):
         ("openvino", tmp_path / "int8"),
         ("onnxruntime", tmp_path / "int8"),
     ):
-        running = Running(runtime, precision="f32" if folder == exported(ALEX) else "int8")
+        running = RuntimeOptions(runtime, precision="f32" if folder == exported(ALEX) else "int8")
         pieces = load_pieces(folder, ALEX, running)
         maps[runtime, running.precision] = pieces["search"](search, *pieces["template"](template))
     exact, ours = maps["openvino", "f32"], maps["openvino", "int8"]
@@ -130,4 +130,4 @@ def test_int8_is_not_claimed_for_f32_files(runtime):
     with pytest.raises(WeightsError, match="not in int8: export them so"):
         load_network(exported(ALEX) / "search.onnx", runtime=runtime, precision="int8")
     with pytest.raises(ArgumentError, match="not in int8: export"):
-        load_pieces(exported(ALEX), ALEX, Running(runtime, precision="int8"))
+        load_pieces(exported(ALEX), ALEX, RuntimeOptions(runtime, precision="int8"))

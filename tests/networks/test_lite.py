@@ -8,9 +8,9 @@ pytest.importorskip("onnx")
 
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
 from ssiam.networks import inference_graphs  # noqa: E402
-from ssiam.networks.efficientnet_lite import CHANNELS, EfficientNetLite0  # noqa: E402
+from ssiam.networks.backbones.efficientnet_lite import CHANNELS, EfficientNetLite0  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
-from ssiam.networks.starting_weights import load_imagenet  # noqa: E402
+from ssiam.networks.pretrained import load_imagenet  # noqa: E402
 from ssiam.runtime import load_network  # noqa: E402
 from ssiam.training.finished import write_network  # noqa: E402
 
@@ -49,7 +49,7 @@ def test_the_first_levels_can_be_completed(network):
     crop = torch.rand(1, 3, 127, 127) * 255
     whole = network.backbone(crop)
     for count in (2, 3):  # a light stem makes the first two at once
-        levels = network.backbone.completed(network.backbone.lower(crop, count))
+        levels = network.backbone.complete(network.backbone.lower(crop, count))
         assert all(map(torch.equal, levels, whole))
 
 

@@ -8,8 +8,8 @@ pytest.importorskip("onnx")
 
 from ssiam.errors import WeightsError  # noqa: E402
 from ssiam.networks.lite2 import Lite2Network  # noqa: E402
-from ssiam.networks.starting_weights import load_lite2  # noqa: E402
-from ssiam.runtime import Running  # noqa: E402
+from ssiam.networks.pretrained import load_lite2  # noqa: E402
+from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.trackers.lite2 import Lite2Networks  # noqa: E402
 from ssiam.training.finished import write_network  # noqa: E402
 
@@ -84,7 +84,7 @@ def test_the_parts_of_the_search_region_know_of_each_other():
 def test_exported_pieces_do_the_same(tmp_path, attention):
     network, (template, search) = stirred(attention), crops(6)
     write_network(network, tmp_path)
-    pieces = Lite2Networks.load(tmp_path, Running())
+    pieces = Lite2Networks.load(tmp_path, RuntimeOptions())
     with torch.inference_mode():
         kernels = network.template(template)
         wanted = network.search(search, kernels)

@@ -10,8 +10,8 @@ from torch import nn  # noqa: E402
 from helpers.synthetic import generator  # noqa: E402
 from ssiam.networks.lite2 import Lite2Network  # noqa: E402
 from ssiam.networks.nanotrack import folded  # noqa: E402
-from ssiam.networks.starting_weights import load_lite2  # noqa: E402
-from ssiam.runtime import Running  # noqa: E402
+from ssiam.networks.pretrained import load_lite2  # noqa: E402
+from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.trackers.nanotrack_networks import NanoTrackNetworks  # noqa: E402
 
 
@@ -39,7 +39,7 @@ def test_the_untrained_network_is_nanotrack_v3(shared, attention):
     folder = shared("data/weights/nanotrackv3")
     network = Lite2Network(attention).eval()
     load_lite2(network, folder / "nanotrackv3.pth")
-    theirs = NanoTrackNetworks.load("nanotrack_v3", folder, Running())
+    theirs = NanoTrackNetworks.load("nanotrack_v3", folder, RuntimeOptions())
     template, search = crop(1, 127), crop(2, 255)
     (kernel,), (features,) = theirs.template(template), theirs.search(search)
     scores, distances = theirs.head(kernel, features)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.rule_weights import GOLDEN, crop
+from helpers.seeded_weights import GOLDEN, crop
 
 torch = pytest.importorskip("torch")
 

@@ -10,9 +10,10 @@ pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
 from helpers.network_models import exported
-from helpers.rule_weights import crop
+from helpers.seeded_weights import crop
 from ssiam.errors import WeightsError
-from ssiam.runtime import Running, pieces
+from ssiam.runtime import RuntimeOptions
+from ssiam.runtime import loading as pieces
 from ssiam.runtime.openvino import CORE
 
 ALEX = "siamrpn_alex_dwxcorr"
@@ -21,7 +22,7 @@ ALEX = "siamrpn_alex_dwxcorr"
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1_000_000)
+    monkeypatch.setattr(pieces, "_MIN_SHARED_BYTES", 1_000_000)
     return tmp_path / "cache" / "ssiam" / "openvino"
 
 
@@ -31,7 +32,7 @@ def folder(tmp_path):
 
 
 def outputs(folder):
-    loaded = pieces.load_pieces(folder, ALEX, Running())
+    loaded = pieces.load_pieces(folder, ALEX, RuntimeOptions())
     return loaded["search"](crop(2, 287), *loaded["template"](crop(1, 127)))
 
 
@@ -49,13 +50,13 @@ def test_one_file_has_the_weights_of_both_and_nothing_else_changes(folder, cache
     assert files(cache) == [".bin", ".xml"]
     size = sum(path.stat().st_size for path in folder.glob("*.onnx"))
     assert entry(cache, ".bin").stat().st_size < 0.8 * size
-    found = pieces.load_pieces(folder, ALEX, Running())
-    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1 << 40)
-    alone = pieces.load_pieces(folder, ALEX, Running())
+    found = pieces.load_pieces(folder, ALEX, RuntimeOptions())
+    monkeypatch.setattr(pieces, "_MIN_SHARED_BYTES", 1 << 40)
+    alone = pieces.load_pieces(folder, ALEX, RuntimeOptions())
     for piece, network in alone.items():
         assert network.input_shapes == found[piece].input_shapes
         assert network.output_shapes == found[piece].output_shapes
-        assert network.convolutions == found[piece].convolutions
+        assert network.convolution_count == found[piece].convolution_count
     for expected, *others in zip(outputs(folder), first, second, strict=True):
         for other in others:
             np.testing.assert_array_equal(other, expected)

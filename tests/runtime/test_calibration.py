@@ -10,7 +10,7 @@ pytest.importorskip("onnxruntime")
 from onnx import TensorProto, helper, numpy_helper  # noqa: E402
 
 from ssiam.runtime import load_network  # noqa: E402
-from ssiam.runtime.calibration import quantise  # noqa: E402
+from ssiam.runtime.quantization import quantize  # noqa: E402
 
 SHAPE = (1, 8, 16, 16)
 
@@ -55,7 +55,7 @@ def in_eight_bits(path):
 
 def test_depthwise_convolutions_and_what_comes_out_of_others_stay_exact(tmp_path):
     source = written(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise", "head"])
-    quantise(source, tmp_path / "int8.onnx", feeds())
+    quantize(source, tmp_path / "int8.onnx", feeds())
     convolutions, tensors = in_eight_bits(tmp_path / "int8.onnx")
     assert convolutions == ["pointwise0", "pointwise2"]
     assert set(tensors) == {"x", "r1"}
@@ -63,7 +63,7 @@ def test_depthwise_convolutions_and_what_comes_out_of_others_stay_exact(tmp_path
 
 def test_without_depthwise_convolutions_what_comes_out_is_in_eight_bits_too(tmp_path):
     source = written(tmp_path / "f32.onnx", ["pointwise", "pointwise", "head"])
-    quantise(source, tmp_path / "int8.onnx", feeds())
+    quantize(source, tmp_path / "int8.onnx", feeds())
     convolutions, tensors = in_eight_bits(tmp_path / "int8.onnx")
     assert convolutions == ["pointwise0", "pointwise1"]
     assert {"c0", "c1"} <= set(tensors)
@@ -73,7 +73,7 @@ def test_without_depthwise_convolutions_what_comes_out_is_in_eight_bits_too(tmp_
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
 def test_old_files_are_raised_and_keep_the_answer(tmp_path, opset, runtime):
     source = written(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise"], opset)
-    quantise(source, tmp_path / "int8.onnx", feeds())
+    quantize(source, tmp_path / "int8.onnx", feeds())
     (feed,) = feeds(1)
     (exact,) = load_network(source, runtime=runtime)(*feed)
     (ours,) = load_network(tmp_path / "int8.onnx", runtime=runtime, precision="int8")(*feed)

@@ -13,7 +13,7 @@ from helpers.network_models import SLOW, checkpoint
 from helpers.synthetic import golden_video
 from helpers.tracker_loops import chosen_indices, corner_distance
 from ssiam import FrameView
-from ssiam.runtime import Running
+from ssiam.runtime import RuntimeOptions
 from ssiam.trackers.loading import siamese_tracker
 
 FRAMES = 12  # of the golden loops
@@ -37,7 +37,7 @@ def test_loop_is_the_reference(golden, monkeypatch, loop):
     name, network, always = LOOPS[loop]
     z = golden(f"loops/net_{loop}_A.npz")
     frames, box = golden_video("A", FRAMES)
-    tracker = siamese_tracker(name, checkpoint(network), Running("torch"))
+    tracker = siamese_tracker(name, checkpoint(network), RuntimeOptions("torch"))
     indices = chosen_indices(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1 : None if SLOW else always]):

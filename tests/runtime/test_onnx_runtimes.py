@@ -29,7 +29,7 @@ def test_the_runtimes_agree(backbone, side):
     ours, theirs = (load_network(backbone, shape, runtime=each) for each in RUNTIMES)
     assert ours.input_shapes == theirs.input_shapes == [(1, 3, side or 255, side or 255)]
     assert ours.output_shapes == theirs.output_shapes
-    assert ours.convolutions == theirs.convolutions
+    assert ours.convolution_count == theirs.convolution_count
     crop = np.random.default_rng(0).integers(0, 256, ours.input_shapes[0]).astype(np.float32)
     (a,), (b,) = ours(crop), theirs(crop)
     assert a.dtype == b.dtype == np.float32
@@ -85,7 +85,7 @@ def test_a_cache_that_is_of_no_use_stops_nothing(backbone, cache, monkeypatch, d
 
 
 def test_bf16_without_such_arithmetic_is_f32_with_a_warning(backbone, monkeypatch, caplog):
-    monkeypatch.setattr(openvino, "computes_in_bf16", lambda: False)
+    monkeypatch.setattr(openvino, "supports_bf16", lambda: False)
     crop = np.full((1, 3, 255, 255), 90, np.float32)
     with caplog.at_level(logging.WARNING):
         found = load_network(backbone, precision="bf16")(crop)

@@ -6,15 +6,15 @@ With the environment variable SSIAM_SLOW the second SiamMask is exported as well
 import numpy as np
 import pytest
 
-from helpers.rule_weights import GOLDEN, crop
-from ssiam.runtime import Running
+from helpers.seeded_weights import GOLDEN, crop
+from ssiam.runtime import RuntimeOptions
 
 pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
 from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder
 from ssiam.runtime.export import distance
-from ssiam.runtime.pieces import load_pieces
+from ssiam.runtime.loading import load_pieces
 from ssiam.trackers.mask_windows import refinement_windows
 
 TOLERANCE = 1e-3  # of an array's greatest magnitude
@@ -30,7 +30,7 @@ def test_outputs_are_the_references(golden, runtime, monkeypatch):
     if golden.startswith("foolwood") and runtime != "torch" and not SLOW:
         pytest.skip("the same network as siammask_r50_l3: set SSIAM_SLOW to export it too")
     weights = checkpoint(golden) if runtime == "torch" else exported(golden)
-    pieces = load_pieces(weights, NETWORKS[golden][1], Running(runtime))
+    pieces = load_pieces(weights, NETWORKS[golden][1], RuntimeOptions(runtime))
     theirs = np.load(GOLDEN / f"{golden}.npz")
     for name, array in outputs(pieces).items():
         values = array.ravel()[:: theirs[f"{name}__stride"]]

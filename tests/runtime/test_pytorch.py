@@ -7,14 +7,14 @@ torch = pytest.importorskip("torch")
 
 from helpers.network_models import checkpoint  # noqa: E402
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
-from ssiam.runtime import Running  # noqa: E402
-from ssiam.runtime.pieces import load_pieces  # noqa: E402
+from ssiam.runtime import RuntimeOptions  # noqa: E402
+from ssiam.runtime.loading import load_pieces  # noqa: E402
 
 ALEX = "siamrpn_alex_dwxcorr"
 
 
 def test_shapes_and_kinds():
-    pieces = load_pieces(checkpoint(ALEX), ALEX, Running("torch"))
+    pieces = load_pieces(checkpoint(ALEX), ALEX, RuntimeOptions("torch"))
     kernels = pieces["template"](np.zeros((1, 3, 127, 127), np.float32))
     assert [each.shape for each in kernels] == pieces["template"].output_shapes
     assert pieces["search"].input_shapes == [(1, 3, 287, 287), *[(1, 256, 4, 4)] * 2]
@@ -25,7 +25,9 @@ def test_shapes_and_kinds():
 def test_bf16_is_near_f32():
     crop = np.random.default_rng(0).integers(0, 256, (1, 3, 127, 127)).astype(np.float32)
     exact, rough = (
-        load_pieces(checkpoint(ALEX), ALEX, Running("torch", precision=each))["template"](crop)
+        load_pieces(checkpoint(ALEX), ALEX, RuntimeOptions("torch", precision=each))["template"](
+            crop
+        )
         for each in ("f32", "bf16")
     )
     for a, b in zip(exact, rough, strict=True):
@@ -37,11 +39,11 @@ def test_a_device_that_is_not_there(device):
     if torch.cuda.is_available() or torch.backends.mps.is_available():
         pytest.skip("there is a graphics card")
     with pytest.raises(ArgumentError, match=f"device {device} is not there for PyTorch"):
-        load_pieces(checkpoint(ALEX), ALEX, Running("torch", device=device))
+        load_pieces(checkpoint(ALEX), ALEX, RuntimeOptions("torch", device=device))
 
 
 def test_a_folder_with_several_checkpoints(tmp_path):
     for name in ("a.pth", "b.pth"):
         (tmp_path / name).symlink_to(checkpoint(ALEX))
     with pytest.raises(WeightsError, match=r"holds 2 \.pth files"):
-        load_pieces(tmp_path, ALEX, Running("torch"))
+        load_pieces(tmp_path, ALEX, RuntimeOptions("torch"))

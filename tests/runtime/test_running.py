@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.runtime import Running, load_network
+from ssiam.runtime import RuntimeOptions, load_network
 
 
 @pytest.mark.parametrize(
@@ -32,12 +32,12 @@ from ssiam.runtime import Running, load_network
 )
 def test_what_there_is_not(arguments, complaint):
     with pytest.raises(ArgumentError, match=complaint):
-        Running(**arguments)
+        RuntimeOptions(**arguments)
 
 
 def test_defaults():
-    assert Running().where == "cpu"
-    assert Running("torch", precision="f16", device="cuda").where == "cuda"
+    assert RuntimeOptions().where == "cpu"
+    assert RuntimeOptions("torch", precision="f16", device="cuda").where == "cuda"
 
 
 def test_pytorch_does_not_run_onnx(tmp_path):
@@ -50,8 +50,8 @@ def test_pytorch_does_not_run_onnx(tmp_path):
     [
         ("onnxruntime", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
         ("onnx", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
-        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('torch'))", "torch"),
-        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('openvino'))", "torch"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', RuntimeOptions('torch'))", "torch"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', RuntimeOptions('openvino'))", "torch"),
     ],
 )
 def test_a_missing_extra_is_named(tmp_path, package, code, extra):
@@ -61,8 +61,8 @@ def test_a_missing_extra_is_named(tmp_path, package, code, extra):
         f"import sys; sys.modules[{package!r}] = None\n"
         "from pathlib import Path\n"
         "from ssiam import MissingExtraError\n"
-        "from ssiam.runtime import Running, load_network\n"
-        "from ssiam.runtime.pieces import load_pieces\n"
+        "from ssiam.runtime import RuntimeOptions, load_network\n"
+        "from ssiam.runtime.loading import load_pieces\n"
         f"try:\n    {code}\nexcept MissingExtraError as error:\n    print(error)\n"
     )
     done = subprocess.run(
