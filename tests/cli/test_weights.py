@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ssiam.cli import main
-from ssiam.runtime import PUBLISHED
+from ssiam.runtime import MODEL_ZOO
 
 ALEX = "siamrpn_alex_dwxcorr"
 
@@ -29,9 +29,9 @@ def models():
 def test_the_list_says_where_everything_is_published(capsys):
     assert main(["weights", "list"]) == 0
     out = capsys.readouterr().out
-    for tracker, publication in PUBLISHED.items():
+    for tracker, publication in MODEL_ZOO.items():
         assert f"{tracker}: not here" in out
-        assert f"{publication.file} at {publication.where}" in out
+        assert f"{publication.file} at {publication.source}" in out
     assert "size about 9.4 MB, licence MIT" in out
     assert "size unknown, licence CC BY-SA 3.0" in out
 
@@ -68,7 +68,7 @@ def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
     from helpers.synthetic import golden_video
 
     pytest.importorskip("onnxruntime")
-    monkeypatch.setattr("ssiam.runtime.calibration._CROPS", 2)
+    monkeypatch.setattr("ssiam.runtime.quantization._CROPS", 2)
     for number, frame in enumerate(golden_video("A", 3)[0]):
         cv2.imwrite(str(tmp_path / f"{number:03d}.png"), frame)
     arguments = ["weights", "export", "siamfc", str(models.checkpoint("siamfc")), "--out", "eight"]
@@ -85,7 +85,7 @@ def test_int8_from_a_folder_of_pictures(models, tmp_path, monkeypatch):
         pytest.param(["export", ALEX, "FILE"], f"those of siamfc, not of {ALEX}", id="another"),
         pytest.param(["export", "siamfc", "nowhere.pth"], "nowhere.pth do not exist", id="absent"),
         pytest.param(
-            ["export", "siamfc", "FILE", "--precision", "int8"], "needs pictures", id="no pictures"
+            ["export", "siamfc", "FILE", "--precision", "int8"], "needs images", id="no pictures"
         ),
         pytest.param(
             ["import", "FILE", "--tracker", ALEX], f"siamfc, but {ALEX} has", id="wrong tracker"
