@@ -105,8 +105,8 @@ def test_one_line_of_complaint(models, tmp_path, capsys, arguments, complaint):
 
 
 def test_a_network_without_a_tracker(models, tmp_path, capsys):
-    from helpers.network_files import flat_state, saved
+    from helpers.network_files import constant_state, save_checkpoint
 
-    file = saved(tmp_path / "base.pth", flat_state("SiamMask_foolwood_base"))
+    file = save_checkpoint(tmp_path / "base.pth", constant_state("SiamMask_foolwood_base"))
     assert main(["weights", "import", str(file)]) == 2
     assert "siammask_base, for which there is no tracker" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from helpers.network_files import flat_state, saved  # noqa: E402
+from helpers.network_files import constant_state, save_checkpoint  # noqa: E402
 from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder  # noqa: E402
 from helpers.synthetic import golden_video  # noqa: E402
 from ssiam.runtime import pieces  # noqa: E402
@@ -102,7 +102,7 @@ def test_a_cache_that_cannot_be_written_stops_nothing(cache, caplog):
     ],
 )
 def test_weights_of_another_network_name_both(tmp_path, runtime, name, keys, found):
-    weights = saved(tmp_path / "model.pth", flat_state(keys))
+    weights = save_checkpoint(tmp_path / "model.pth", constant_state(keys))
     wanted = MODEL_ZOO[name].network
     with pytest.raises(ssiam.WeightsError, match=f"those of {found}, not of {wanted}") as caught:
         ssiam.load_tracker(name, weights=weights, runtime=runtime)
