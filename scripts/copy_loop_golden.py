@@ -48,15 +48,12 @@ def main() -> None:
             write(path.stem.removeprefix("loop_stub_"), compact(arrays))
     for path in sorted((SHARED / "golden").glob("loop_net_*.npz")):
         arrays = dict(np.load(path))
-        write(
-            path.stem.removeprefix("loop_"),
-            {key: arrays[key] for key in NETWORK_ARRAYS if key in arrays},
-        )
+        present = {key: arrays[key] for key in NETWORK_ARRAYS if key in arrays}
+        write(path.stem.removeprefix("loop_"), present)
     for name, pattern in (("functions", FUNCTIONS), ("functions_cv4", VERSION_DEPENDENT)):
         functions = np.load(SHARED / "golden" / f"{name}.npz")
-        write(
-            name, {key: subsample(key, functions[key]) for key in functions if pattern.match(key)}
-        )
+        keys = filter(pattern.match, functions)
+        write(name, {key: subsample(key, functions[key]) for key in keys})
     total = sum(path.stat().st_size for path in TARGET.iterdir())
     print(f"{TARGET}: {total / 1000:.0f} kB")
 

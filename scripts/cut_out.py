@@ -43,11 +43,10 @@ def cut_out(track: TrainingTrack) -> NDArray[np.uint8] | None:
     x, y, w, h = map(int, box)
     # Pixels at the object's edge are mixed with the background: remove one pixel.
     alpha = cv2.erode(mask.astype(np.uint8) * 255, np.ones((3, 3), np.uint8))
-    bgra = np.dstack([track.image(0), cv2.GaussianBlur(alpha, (0, 0), ALPHA_BLUR)])[
-        y : y + h, x : x + w
-    ]
+    bgra = np.dstack([track.image(0), cv2.GaussianBlur(alpha, (0, 0), ALPHA_BLUR)])
     zoom = min(1.0, MAX_SIDE / max(w, h))
-    small = cv2.resize(bgra, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
+    object_bgra = bgra[y : y + h, x : x + w]
+    small = cv2.resize(object_bgra, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.uint8)
 
 

@@ -74,8 +74,8 @@ def read_checkpoint(path: Path) -> Checkpoint:
         The file is missing, damaged or not a checkpoint, or its weights are not exactly those of
         one of `NETWORKS`. Only `num_batches_tracked` may be absent.
     """
-    with _named(path):
-        return network_from_state_dict(_state_dict(_content(path)))
+    with _file_in_messages(path):
+        return network_from_state_dict(_state_dict(_read_content(path)))
 
 
 def read_state_dict(path: Path) -> dict[str, Tensor]:
@@ -83,8 +83,8 @@ def read_state_dict(path: Path) -> dict[str, Tensor]:
 
     Raises `WeightsError` if the file is missing, damaged or not a checkpoint.
     """
-    with _named(path):
-        return _state_dict(_content(path))
+    with _file_in_messages(path):
+        return _state_dict(_read_content(path))
 
 
 def read_torch_file(path: Path) -> Any:
@@ -92,8 +92,8 @@ def read_torch_file(path: Path) -> Any:
 
     Raises `WeightsError` if the file is missing, damaged or not a PyTorch file.
     """
-    with _named(path):
-        return _content(path)
+    with _file_in_messages(path):
+        return _read_content(path)
 
 
 def network_from_state_dict(weights: Mapping[str, Tensor]) -> Checkpoint:
@@ -127,7 +127,7 @@ def _build_with(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetw
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
+def _file_in_messages(path: Path) -> Iterator[None]:
     """Put the file in front of the message of a `WeightsError`."""
     try:
         yield
@@ -171,7 +171,7 @@ def _check_archive(path: Path) -> None:
         )
 
 
-def _content(path: Path) -> Any:
+def _read_content(path: Path) -> Any:
     """The content of a file of tensors, numbers, text and containers."""
     _check_first_bytes(path)
     try:

@@ -1,7 +1,7 @@
 """The network of `lite`: a light backbone, pixel-wise correlation and an anchor-free head.
 
 Every cell of the template is correlated with every cell of the search crop (Liao et al., PG-Net,
-ECCV 2020). From the correlations and its own features, each cell predicts whether it lies on the
+ECCV 2020). From the correlations and its own features, each cell predicts whether it is on the
 target, the distances to the target's sides, and the overlap of that box with the target (FCOS, Tian
 et al., ICCV 2019, with the IoU-aware score of VarifocalNet, Zhang et al., CVPR 2021).
 """

@@ -58,6 +58,23 @@ _MODULES: Final = {
 }
 
 
+def rename_keys(weights: Mapping[str, Value]) -> dict[str, Value]:
+    """The same weights under this package's names; unknown names are kept.
+
+    These are pysot's names, and for SiamFC those of siamfc-pytorch.
+    """
+    return {_rename(key): value for key, value in weights.items()}
+
+
+def _rename(key: str) -> str:
+    key = key.removeprefix(_PARALLEL)
+    for theirs, ours in _PREFIXES.items():
+        if key.startswith(theirs):
+            return ours + key.removeprefix(theirs)
+    module, _, leaf = key.rpartition(".")
+    return f"{_MODULES.get(module, module)}.{leaf}" if module else leaf
+
+
 @dataclass(frozen=True)
 class Difference:
     """The difference between weights and those of the most similar network.
@@ -131,20 +148,3 @@ def _similarity(given: Shapes, expected: Shapes) -> float:
 def _abbreviated(names: tuple[str, ...]) -> str:
     more = len(names) - _LISTED
     return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
-
-
-def rename_keys(weights: Mapping[str, Value]) -> dict[str, Value]:
-    """The same weights under this package's names; unknown names are kept.
-
-    These are pysot's names, and for SiamFC those of siamfc-pytorch.
-    """
-    return {_rename(key): value for key, value in weights.items()}
-
-
-def _rename(key: str) -> str:
-    key = key.removeprefix(_PARALLEL)
-    for theirs, ours in _PREFIXES.items():
-        if key.startswith(theirs):
-            return ours + key.removeprefix(theirs)
-    module, _, leaf = key.rpartition(".")
-    return f"{_MODULES.get(module, module)}.{leaf}" if module else leaf

@@ -113,7 +113,7 @@ def quantize(source: Path, target: Path, feeds: Sequence[Feed]) -> None:
         ) from error
 
     model = _read_per_channel(source)
-    depthwise = _depthwise(model.graph)
+    depthwise = _depthwise_layers(model.graph)
     logging.getLogger().addFilter(_is_not_advice)
     try:
         with redirect_stdout(None):  # it prints its settings
@@ -151,7 +151,7 @@ def _read_per_channel(path: Path) -> Any:
     return model
 
 
-def _depthwise(graph: Any) -> list[str]:
+def _depthwise_layers(graph: Any) -> list[str]:
     """Names of the depthwise convolutions, whose kernels have one input channel."""
     input_channels = {w.name: w.dims[1] for w in graph.initializer if len(w.dims) == 4}
     convolutions = [node for node in graph.node if node.op_type == "Conv"]

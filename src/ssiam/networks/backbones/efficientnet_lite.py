@@ -2,8 +2,8 @@
 
 EfficientNet (Tan and Le, ICML 2019) without squeeze-and-excitation and with ReLU6, the variant that
 its authors published for phones. Parameter names are those of the published checkpoint. Padding is
-TensorFlow's "same": an odd amount of zeros has the extra row at the bottom and the extra column on
-the right.
+TensorFlow's "same": where it is odd, the extra row is at the bottom and the extra column on the
+right.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _MIN_BLOCKS: Final = _MAX_BLOCKS - 2  # the last two are residual
 
 
 class EfficientNetLite0(nn.Module):
-    """Features of strides 4, 8 and 16: 64, 32 and 16 cells a side for a crop of 255.
+    """Features of strides 4, 8 and 16: 64, 32 and 16 cells per side for a crop of 255 px.
 
     Crops are (N, 3, S, S) float32 BGR in 0..255; the levels have `CHANNELS` channels. If S + 1 is a
     multiple of 16, the receptive field of cell i is centered on pixel 4 i + 2, 8 i + 6 and
