@@ -46,7 +46,7 @@ class Plain:
 
     input_shapes: ClassVar[list[tuple[int, ...]]] = []
     output_shapes: ClassVar[list[tuple[int, ...]]] = []
-    convolutions = 0
+    convolution_count = 0
 
     def __init__(self, answer: Callable[..., object]) -> None:
         self._answer = answer
