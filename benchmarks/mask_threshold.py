@@ -17,7 +17,7 @@ import numpy as np
 
 import ssiam
 from masks import HELD_OUT, jaccard
-from ssiam.runtime import Running
+from ssiam.runtime import RuntimeOptions
 from ssiam.trackers.lite import SHIPPED, LiteNetworks, LiteTracker
 
 THRESHOLDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
@@ -26,7 +26,7 @@ THRESHOLDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 def of_video(weights: Path, root: Path, video: str) -> list[float]:
     """J of a video with each threshold."""
     cv2.setNumThreads(1)
-    networks = LiteNetworks.load(weights, Running("openvino", 1))
+    networks = LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
     config = ssiam.StabilizerConfig("off")
     trackers = [LiteTracker(networks, mask_threshold=each) for each in THRESHOLDS]
     return [jaccard(ssiam.SteadiedTracker(each, config), root, video) for each in trackers]

@@ -19,7 +19,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from networks import TRACKERS, forms, measure
 from ssiam.networks import NetworkName, build_network
-from ssiam.runtime import PUBLISHED
+from ssiam.runtime import MODEL_ZOO
 from ssiam.trackers.loading import SiameseName
 
 SIDE = 2048  # of the matrices
@@ -40,7 +40,7 @@ def product_speed() -> float:
 
 def operations(name: SiameseName) -> float:
     """1e9 operations of a search, its kernels at hand."""
-    wanted: NetworkName = PUBLISHED[name].network  # type: ignore[assignment]
+    wanted: NetworkName = MODEL_ZOO[name].network  # type: ignore[assignment]
     network = build_network(wanted).eval()
     with torch.no_grad():
         kernels = network.template(torch.zeros(network.template_shape))

@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import ssiam
-from ssiam.runtime import PUBLISHED
+from ssiam.runtime import MODEL_ZOO
 
 TARGETS = (1, 8)
 SIZE = (640, 360)
@@ -50,7 +50,7 @@ def exported(name: str, folder: Path) -> Path:
     from ssiam.runtime.export import export_network
 
     torch.manual_seed(0)
-    network = PUBLISHED[name].network
+    network = MODEL_ZOO[name].network
     path = folder / "model.pth"
     torch.save(build_network(network).state_dict(), path)  # type: ignore[arg-type]
     export_network(path, folder, name=name, network=network)

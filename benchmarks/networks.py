@@ -25,8 +25,8 @@ import torch
 
 from ssiam import FrameView
 from ssiam.networks import NetworkName, SiameseNetwork, build_network
-from ssiam.runtime import PUBLISHED, Network, Running, Tensor
-from ssiam.runtime.openvino import computes_in_bf16
+from ssiam.runtime import MODEL_ZOO, Network, RuntimeOptions, Tensor
+from ssiam.runtime.openvino import supports_bf16
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.loading import SiameseName, siamese_tracker
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
@@ -46,7 +46,7 @@ class Plain:
 
     input_shapes: ClassVar[list[tuple[int, ...]]] = []
     output_shapes: ClassVar[list[tuple[int, ...]]] = []
-    convolutions = 0
+    convolution_count = 0
 
     def __init__(self, answer: Callable[..., object]) -> None:
         self._answer = answer
@@ -96,7 +96,7 @@ def forms(name: SiameseName, runtimes: list[str], threads: int) -> dict[str, Vie
     """The trackers that are compared, by the name of their form."""
     torch.manual_seed(0)
     torch.set_num_threads(threads)
-    wanted: NetworkName = PUBLISHED[name].network  # type: ignore[assignment]
+    wanted: NetworkName = MODEL_ZOO[name].network  # type: ignore[assignment]
     network = build_network(wanted)
     found: dict[str, ViewTracker] = {"plain": plain_tracker(name, network)}
     with TemporaryDirectory() as folder:
@@ -105,7 +105,7 @@ def forms(name: SiameseName, runtimes: list[str], threads: int) -> dict[str, Vie
         torch.save(network.state_dict(), path)
         for form in runtimes:
             runtime, _, precision = form.partition(" ")
-            running = Running(runtime, threads, precision)  # type: ignore[arg-type]
+            running = RuntimeOptions(runtime, threads, precision)  # type: ignore[arg-type]
             found[form] = siamese_tracker(name, path, running)
     return found
 
@@ -153,7 +153,7 @@ def main() -> None:
     cv2.setNumThreads(arguments.threads)
     runtimes = arguments.runtimes.split(",")
     print(f"CPU: {abilities()}; {arguments.threads} threads, {arguments.frames} frames\n")
-    if not computes_in_bf16():
+    if not supports_bf16():
         runtimes = [each for each in runtimes if "bf16" not in each]
         print("This CPU has no bf16 arithmetic: bf16 is left out.\n")
     print("| tracker | form | ms a frame | frames a second | times the plain form | paper, GPU |")

@@ -25,8 +25,8 @@ from ssiam.datasets import Sequence
 from ssiam.evaluation.success import mean_success, success
 from ssiam.geometry import iou
 from ssiam.runtime import Network, load_network
-from ssiam.runtime.calibration import calibration_feeds, quantise
-from ssiam.runtime.openvino import computes_in_bf16
+from ssiam.runtime.openvino import supports_bf16
+from ssiam.runtime.quantization import calibration_feeds, quantize
 from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack, NanoTrackNetworks
 from ssiam.video import open_source
 
@@ -61,7 +61,7 @@ def in_int8(files: list[Path], folder: Path) -> list[Path]:
     """The files with the search region's backbone quantised, as `ssiam weights export` does it."""
     template = networks(files, "openvino", "f32").template
     feeds = calibration_feeds(template, SHAPES[1], pictures())
-    quantise(files[1], folder / "search.onnx", [[crop] for crop, _ in feeds])
+    quantize(files[1], folder / "search.onnx", [[crop] for crop, _ in feeds])
     return [files[0], folder / "search.onnx", files[2]]
 
 
@@ -101,7 +101,7 @@ def main() -> None:
     found: dict[str, list[np.ndarray]] = {}
     with TemporaryDirectory() as temporary:
         forms = {"f32": files, "int8": in_int8(files, Path(temporary))}
-        if given.runtime == "openvino" and computes_in_bf16():
+        if given.runtime == "openvino" and supports_bf16():
             forms["bf16"] = files
         for precision, paths in forms.items():
             arithmetic = "bf16" if precision == "bf16" else "f32"  # int8 is in the file

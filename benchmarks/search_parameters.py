@@ -23,7 +23,7 @@ import ssiam
 from ssiam.datasets import Sequence as Clip
 from ssiam.datasets import Shake, open_dataset, shaken
 from ssiam.evaluation.success import success
-from ssiam.runtime import Running
+from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import Method
 from ssiam.trackers.lite import SHIPPED, LiteNetworks, LiteTracker
 from ssiam.trackers.siamese import SearchParameters
@@ -46,7 +46,7 @@ SETTINGS = (Setting("off", Shake(0.0)), Setting("predict", Shake(0.03, "handheld
 def scores(weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParameters]) -> np.ndarray:
     """Success (settings, parameters) of a clip's first frames."""
     cv2.setNumThreads(1)
-    networks = LiteNetworks.load(weights, Running("openvino", 1))
+    networks = LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
     return np.array([of_setting(networks, clip, frames, tried, each) for each in SETTINGS])
 
 

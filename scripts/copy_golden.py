@@ -1,11 +1,11 @@
-"""Copy the small part of the networks' golden arrays that the tests need into tests/golden.
+"""Copy the part of the networks' golden arrays that the tests need to tests/golden/networks.
 
     python scripts/copy_golden.py
 
-The arrays are outputs of the reference implementations on weights by rule. They are read from the
-folder that the environment variable SSIAM_SHARED names; the default is ../shared beside the
-checkout. Each array X is thinned to some 2000 of its values: every `X__stride`-th of the whole.
-`X__stats` of the whole (mean, standard deviation, least, greatest, sum of magnitudes) stays.
+The arrays are outputs of the reference implementations with seeded weights. They are read from the
+folder in the environment variable SSIAM_SHARED, by default ../shared beside the checkout. Of each
+array X about 2000 values are kept, every `X__stride`-th, and `X__stats` of all values: mean,
+standard deviation, minimum, maximum and sum of magnitudes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 SHARED = Path(os.environ.get("SSIAM_SHARED", ROOT.parent / "shared"))
 OUT = ROOT / "tests" / "golden" / "networks"
 
-KEPT = 2000  # values of an array
+MAX_VALUES = 2000  # of an array, about
 NETWORKS = (
     "siamfc",
     "siamrpn_alex_dwxcorr",
@@ -31,7 +31,7 @@ NETWORKS = (
     "siammask_r50_l3",
     "foolwood_siammask_sharp",
 )
-STRIDES = {  # with which the reference's arrays are stored, by the start of their names
+STRIDES = {  # of the stored reference arrays, by the start of their names
     "backbone_z": 97,
     "backbone_x": 997,
     "xf": 7,
@@ -41,30 +41,30 @@ STRIDES = {  # with which the reference's arrays are stored, by the start of the
 STATS_ONLY = ("mask_stats_only",)
 
 
-def thinned(
+def subsample(
     arrays: dict[str, NDArray[np.float64]], levels: int
-) -> dict[str, NDArray[np.float64] | int]:
-    """The arrays that have statistics, each with its stride and its statistics."""
-    kept: dict[str, NDArray[np.float64] | int] = {}
+) -> dict[str, NDArray[np.float64]]:
+    """Every n-th value of the arrays that have statistics, with their strides and statistics."""
+    result: dict[str, NDArray[np.float64]] = {}
     for name in [key.removesuffix("__stats") for key in arrays if key.endswith("__stats")]:
-        kept[f"{name}__stats"] = arrays[f"{name}__stats"]
+        result[f"{name}__stats"] = arrays[f"{name}__stats"]
         if name not in STATS_ONLY:
             values = arrays[name].ravel()
-            step = max(values.size // KEPT, 1)
-            kept[name] = values[::step]
-            kept[f"{name}__stride"] = step * stored_stride(name, levels)
-    return kept
+            step = max(values.size // MAX_VALUES, 1)
+            result[name] = values[::step]
+            result[f"{name}__stride"] = np.asarray(step * stored_stride(name, levels))
+    return result
 
 
 def stored_stride(name: str, levels: int) -> int:
-    """Stride with which an array is stored; template features only of several levels have one."""
+    """Stride of a stored array. Template features have one only if there are several levels."""
     if name.startswith("zf"):
         return 3 if levels > 1 else 1
     return next((stride for start, stride in STRIDES.items() if name.startswith(start)), 1)
 
 
 def main() -> None:
-    """Write the key lists and an .npz a network."""
+    """Write the lists of keys and an .npz file per network."""
     OUT.mkdir(parents=True, exist_ok=True)
     lists = {}
     for path in sorted((SHARED / "keys").glob("*.json")):
@@ -75,7 +75,7 @@ def main() -> None:
     for name in NETWORKS:
         arrays = dict(np.load(SHARED / "golden" / f"{name}.npz"))
         levels = sum(key.startswith("zf") and key.endswith("__stats") for key in arrays)
-        np.savez_compressed(OUT / f"{name}.npz", **thinned(arrays, levels))  # type: ignore[arg-type]
+        np.savez_compressed(OUT / f"{name}.npz", **subsample(arrays, levels))  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Copy what the tests of the tracking loops need out of the reference data.
+"""Copy the golden arrays that the tests of the tracking loops need to tests/golden/loops.
 
     python scripts/copy_loop_golden.py
 
-Reads `golden` of the folder SSIAM_SHARED (../shared beside the checkout if it is not set), and
-writes tests/golden/loops: one file for each tracker, video and OpenCV version, with the crops
-replaced by their hashes, and the functions' outputs as far as the tests look at them.
+Reads the folder `golden` in the folder SSIAM_SHARED, an environment variable with the default
+../shared beside the checkout. Writes a file per tracker, video and OpenCV version, in which crops
+are replaced by their hashes, and the outputs of functions that the tests compare.
 """
 
 from __future__ import annotations
@@ -22,62 +22,64 @@ SHARED = Path(os.environ.get("SSIAM_SHARED", CHECKOUT.parent / "shared"))
 TARGET = CHECKOUT / "tests" / "golden" / "loops"
 
 HASHED = ("z_crop_u8", "x_crop_t1_u8_s2", "x_crop_tlast_u8_s2")
-LEFT_OUT = ("mask_in_img_t5", "versions")
+OMITTED = ("mask_in_img_t5", "versions")
 
-# Of the loops on networks with weights by rule.
-NET = (
+# Arrays of the loops with networks, which have seeded weights.
+NETWORK_ARRAYS = (
     *("bbox", "score", "best_idx", "margin", "polygon", "s_x"),
     *("box_1based", "center_yx", "target_sz_hw"),
 )
 
-# Of functions.npz and functions_cv4.npz.
+# Arrays of functions.npz, and those of functions_cv4.npz that depend on the OpenCV version.
 FUNCTIONS = re.compile(
     r"(subwindow_foolwood_\d+_sha256|siamfc_(cases|crop_\d+_sha256).*|subwindow_cases|anchors_\d+"
     r"|convert_.*|mask_.*|siammask_(e_)?box_.*|paste_.*)$"
 )
-OF_THE_VERSION = re.compile(r"(siammask_(e_)?box_.*|paste_\d+)$")
-STRIDE = 7  # of the decoded candidates
+VERSION_DEPENDENT = re.compile(r"(siammask_(e_)?box_.*|paste_\d+)$")
+STRIDE = 7  # of the candidates in decoded arrays
 
 
 def main() -> None:
-    """Write all files anew."""
+    """Write all files."""
     TARGET.mkdir(parents=True, exist_ok=True)
     for path in sorted((SHARED / "golden").glob("loop_stub_*.npz")):
         arrays = dict(np.load(path))
-        if "polygon" in arrays or not path.stem.endswith("_cv4"):  # boxes are the same with all
-            write(path.stem.removeprefix("loop_stub_"), loop(arrays))
+        if "polygon" in arrays or not path.stem.endswith("_cv4"):  # boxes do not depend on it
+            write(path.stem.removeprefix("loop_stub_"), compact(arrays))
     for path in sorted((SHARED / "golden").glob("loop_net_*.npz")):
         arrays = dict(np.load(path))
-        write(path.stem.removeprefix("loop_"), {key: arrays[key] for key in NET if key in arrays})
-    for name, wanted in (("functions", FUNCTIONS), ("functions_cv4", OF_THE_VERSION)):
+        present = {key: arrays[key] for key in NETWORK_ARRAYS if key in arrays}
+        write(path.stem.removeprefix("loop_"), present)
+    for name, pattern in (("functions", FUNCTIONS), ("functions_cv4", VERSION_DEPENDENT)):
         functions = np.load(SHARED / "golden" / f"{name}.npz")
-        write(name, {key: thinned(key, functions[key]) for key in functions if wanted.match(key)})
+        keys = filter(pattern.match, functions)
+        write(name, {key: subsample(key, functions[key]) for key in keys})
     total = sum(path.stat().st_size for path in TARGET.iterdir())
     print(f"{TARGET}: {total / 1000:.0f} kB")
 
 
-def loop(arrays: dict[str, Any]) -> dict[str, Any]:
-    """A loop's arrays without the large ones."""
-    kept = {key: value for key, value in arrays.items() if key not in (*HASHED, *LEFT_OUT)}
-    kept["opencv"] = str(arrays["versions"][1]).split(".")[0]  # major version
+def compact(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The arrays of a loop, the large ones replaced by their hashes or omitted."""
+    result = {key: value for key, value in arrays.items() if key not in (*HASHED, *OMITTED)}
+    result["opencv"] = str(arrays["versions"][1]).split(".")[0]  # major version
     for key in HASHED:
         if key in arrays:
-            kept[f"{key}_sha256"] = sha256(arrays[key])
-    return kept
+            result[f"{key}_sha256"] = sha256(arrays[key])
+    return result
 
 
-def thinned(key: str, value: Any) -> Any:
-    """Every seventh candidate of the decoded ones, all else as it is."""
+def subsample(key: str, value: Any) -> Any:
+    """Every 7th candidate of decoded arrays; other arrays unchanged."""
     return value[..., ::STRIDE] if key.startswith("convert_") else value
 
 
 def sha256(array: Any) -> str:
-    """Hash of an array's values in C order."""
+    """Hash of an array's bytes in C order."""
     return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
 def write(name: str, arrays: dict[str, Any]) -> None:
-    """One compressed file."""
+    """Write a compressed file."""
     np.savez_compressed(TARGET / f"{name}.npz", **arrays)
 
 

@@ -1,12 +1,12 @@
-"""Objects cut out of pictures by their masks: stamps for `ssiam train` (4_more_objects.toml).
+"""Cut objects out of images by their masks: copy-paste objects for `ssiam train`.
 
     python scripts/cut_out.py data/stills/horses data/stills/cats --out data/cut_out
 
-A photograph of one object is of little use as it is: the search crop shows four times the target,
-and so mostly what lies beyond the picture, whose edge gives the target away. Pasted on other
-pictures (layout "stamps") the object has to be found by what it is. Every folder holds images and
-masks of the same names, as of the layout "masks". Left out are small objects and those that the
-picture's edges cut.
+A photograph of a single large object is a poor training image: the search crop is four times as
+wide as the target, so most of it is padding, whose edge reveals the target's position. Pasted on
+other images (layout "stamps"), the object must be found by its appearance. Each folder has images
+and masks of the same names, as in the layout "masks". Objects that are small or cut off by the
+image border are skipped.
 """
 
 from __future__ import annotations
@@ -22,46 +22,47 @@ from ssiam.training.masks import read_masks
 from ssiam.training.outlines import box_of_mask
 from ssiam.training.sources import Names, TrainingTrack
 
-LEAST = 48  # px, the shorter side of an object's box
-LARGEST = 320  # px, the longer side of a stamp
-CUT = 0.15  # of the box's outline, at most, along the picture's edges
-SOFT = 1.0  # px, the blur of the alpha
+MIN_SIDE = 48  # px, shorter side of an object's box
+MAX_SIDE = 320  # px, longer side of the written image
+MAX_BORDER_SHARE = 0.15  # of the box's perimeter that may be on the image border
+ALPHA_BLUR = 1.0  # px, standard deviation
 
 
-def is_cut(mask: NDArray[np.bool_], side: float) -> bool:
-    """Whether the picture's edges cut the object: along more than a share of its box."""
-    edges = mask[0].sum() + mask[-1].sum() + mask[:, 0].sum() + mask[:, -1].sum()
-    return bool(edges > CUT * 4 * side)
+def is_cut_off(mask: NDArray[np.bool_], side: float) -> bool:
+    """Whether the image border cuts off an object whose box has this mean side, px."""
+    border_pixels = mask[0].sum() + mask[-1].sum() + mask[:, 0].sum() + mask[:, -1].sum()
+    return bool(border_pixels > MAX_BORDER_SHARE * 4 * side)
 
 
-def stamp(track: TrainingTrack) -> NDArray[np.uint8] | None:
-    """The object (h, w, 4) BGRA; None if it will not do."""
+def cut_out(track: TrainingTrack) -> NDArray[np.uint8] | None:
+    """The object (h, w, 4) BGRA; None if it has no mask, is small or is cut off."""
     mask = track.mask(0)
     box = None if mask is None else box_of_mask(mask)
-    if mask is None or box is None or min(box[2:]) < LEAST or is_cut(mask, sum(box[2:]) / 2):
+    if mask is None or box is None or min(box[2:]) < MIN_SIDE or is_cut_off(mask, sum(box[2:]) / 2):
         return None
     x, y, w, h = map(int, box)
-    # A pixel less all around: what lies behind shines through at an object's edge.
+    # Pixels at the object's edge are mixed with the background: remove one pixel.
     alpha = cv2.erode(mask.astype(np.uint8) * 255, np.ones((3, 3), np.uint8))
-    cut = np.dstack([track.image(0), cv2.GaussianBlur(alpha, (0, 0), SOFT)])[y : y + h, x : x + w]
-    zoom = min(1.0, LARGEST / max(w, h))
-    small = cv2.resize(cut, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
+    bgra = np.dstack([track.image(0), cv2.GaussianBlur(alpha, (0, 0), ALPHA_BLUR)])
+    zoom = min(1.0, MAX_SIDE / max(w, h))
+    object_bgra = bgra[y : y + h, x : x + w]
+    small = cv2.resize(object_bgra, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.uint8)
 
 
 def main() -> None:
-    """Write the stamps."""
+    """Write an image per object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
-        stamps = [stamp(track) for track in read_masks(folder, Names())]
-        good = [each for each in stamps if each is not None]
-        for number, each in enumerate(good):
-            cv2.imwrite(str(arguments.out / f"{folder.name}_{number:04}.png"), each)
-        print(f"{folder.name}: {len(good)} of {len(stamps)}")
+        objects = [cut_out(track) for track in read_masks(folder, Names())]
+        usable = [image for image in objects if image is not None]
+        for number, image in enumerate(usable):
+            cv2.imwrite(str(arguments.out / f"{folder.name}_{number:04}.png"), image)
+        print(f"{folder.name}: {len(usable)} of {len(objects)}")
 
 
 if __name__ == "__main__":

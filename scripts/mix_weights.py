@@ -1,9 +1,9 @@
-"""The mean of the weights of two runs of `ssiam train`, the later of which began with the first.
+"""Average the weights of two runs of `ssiam train`, the second fine-tuned from the first.
 
     python scripts/mix_weights.py runs/rivals runs/turned --out runs/mixed
 
-Between the two lies a network that is as good on what the later run was taught, and forgets less
-of what the first one knew (model soups, Wortsman et al., ICML 2022).
+The average can keep what the second run learned and forget less of the first (model soups,
+Wortsman et al., ICML 2022).
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ssiam.networks.checkpoints import read_tensors
+from ssiam.networks.checkpoints import read_state_dict
 from ssiam.networks.lite import LiteNetwork
 from ssiam.training.finished import WEIGHTS, write_network
 
 
 def main() -> None:
-    """Write the mean."""
+    """Write the averaged weights and the exported network."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("first", type=Path, help="folder of a run")
-    parser.add_argument("second", type=Path)
-    parser.add_argument("--share", type=float, default=0.5, help="of the second")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("second", type=Path, help="folder of a run")
+    parser.add_argument("--share", type=float, default=0.5, help="weight of the second run, 0 to 1")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write")
     arguments = parser.parse_args()
     first, second = (
-        read_tensors(folder / WEIGHTS) for folder in (arguments.first, arguments.second)
+        read_state_dict(folder / WEIGHTS) for folder in (arguments.first, arguments.second)
     )
     mixed = {
         name: first[name].lerp(value, arguments.share) if value.is_floating_point() else value

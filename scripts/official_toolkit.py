@@ -1,11 +1,11 @@
-"""Proof that the official VOT toolkit runs our trackers, and that our A, R and EAO are its own.
+"""Compare A, R and EAO of this package with those of the official VOT toolkit.
 
     python scripts/official_toolkit.py [--environment DIR] [--workspace DIR]
 
-Makes an environment with vot-toolkit, or uses the one that is there; draws three short sequences
-with a shaking camera; lets the toolkit evaluate and analyse CSRT alone and on the steadied view
-through `ssiam trax`; and measures the regions that it stored with `ssiam.evaluation.vot_toolkit`.
-Ends with 1 if a measure is further than .001 from the toolkit's.
+Creates an environment with vot-toolkit if there is none and renders three short sequences with a
+shaking camera. The toolkit evaluates and analyzes CSRT, without stabilization and on the
+stabilized view, through `ssiam trax`. `ssiam.evaluation.vot_toolkit` then measures the stored
+regions. The exit code is 1 if a measure differs by more than .001 from the toolkit's.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ssiam.evaluation.eao import Interval
 from ssiam.evaluation.tracked import read_results
 from ssiam.geometry import corners_from_xywh, frame_centre, map_points, rigid
 
-PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail on supervised experiments
+PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail in supervised experiments
 INTERPRETERS = ("python3.11", sys.executable)
 TOLERANCE = 1e-3
 
@@ -40,7 +40,7 @@ SIZE = (320, 240)  # px
 FRAMES = 75
 TARGET = (46, 34)  # px
 # Sequence: standard deviation of the camera's shift, px, and roll, radians; frames at which the
-# target leaps away, so that every tracker loses it.
+# target jumps away, so that every tracker loses it.
 SEQUENCES: dict[str, tuple[float, float, tuple[int, ...]]] = {
     "calm": (0.5, 0.0, ()),
     "shaky": (5.0, 0.015, (50,)),
@@ -49,10 +49,10 @@ SEQUENCES: dict[str, tuple[float, float, tuple[int, ...]]] = {
 
 
 def main() -> int:
-    """Run the comparison; returns the exit code."""
+    """Run the comparison and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--environment", type=Path, default=Path("build/vot-toolkit"))
-    parser.add_argument("--workspace", type=Path, help="kept for inspection; must be new")
+    parser.add_argument("--workspace", type=Path, help="new folder, which is kept")
     arguments = parser.parse_args()
     toolkit = environment(arguments.environment)
     with tempfile.TemporaryDirectory() as temporary:
@@ -60,16 +60,16 @@ def main() -> int:
         for index, name in enumerate(SEQUENCES):
             write_sequence(folder / "sequences" / name, index)
         run(sys.executable, "-m", "ssiam", "vot-workspace", folder)
-        told = run(toolkit, "-m", "vot", "evaluate", "--workspace", folder, *LABELS)
-        told += run(toolkit, "-m", "vot", "analysis", "--workspace", folder, "--name", "all")
+        output = run(toolkit, "-m", "vot", "evaluate", "--workspace", folder, *LABELS)
+        output += run(toolkit, "-m", "vot", "analysis", "--workspace", folder, "--name", "all")
         report = folder / "analysis" / "all.json"
         if not report.is_file():
-            sys.exit(f"{told}\nthe toolkit ended without an analysis; its words are above")
+            sys.exit(f"{output}\nthe toolkit wrote no analysis; its output is above")
         return compare(json.loads(report.read_text(encoding="utf-8")), folder)
 
 
 def environment(folder: Path) -> Path:
-    """The Python of an environment with the toolkit; made or completed where it is not."""
+    """The Python of an environment with the toolkit, created or completed if necessary."""
     python = folder.absolute() / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     if not python.exists():
         print(f"installing {' '.join(PINS)} into {folder}")
@@ -79,46 +79,48 @@ def environment(folder: Path) -> Path:
 
 
 def interpreter() -> str:
-    """A Python that can make environments: 3.11 if there is one, else the one that runs this."""
+    """A Python that can create environments: 3.11 if there is one, else the running one."""
     for name in INTERPRETERS:
         try:
             subprocess.run([name, "-c", "import ensurepip"], check=True, capture_output=True)
         except (OSError, subprocess.CalledProcessError):
             continue
         return name
-    sys.exit(f"none of {', '.join(INTERPRETERS)} can make an environment: install python3.11-venv")
+    sys.exit(
+        f"none of {', '.join(INTERPRETERS)} can create an environment: install python3.11-venv"
+    )
 
 
 def run(*command: str | Path) -> str:
-    """What a command prints; ends this program if it fails."""
+    """The output of a command; exits if it fails."""
     words = [str(word) for word in command]
-    # Results as text, which other tools read.
+    # Result files in text form.
     variables = {**os.environ, "VOT_RESULTS_BINARY": "0"}
     done = subprocess.run(
         words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables
     )
     if done.returncode:
-        sys.exit(f"{done.stdout}\n{' '.join(words)} ended with {done.returncode}")
+        sys.exit(f"{done.stdout}\n{' '.join(words)} failed with exit code {done.returncode}")
     return done.stdout
 
 
 def write_sequence(folder: Path, seed: int) -> None:
-    """A target that wanders over a background, seen by a shaking camera, in VOT's layout."""
-    shake, roll, leaps = SEQUENCES[folder.name]
+    """Render a moving target on a background, seen by a shaking camera, in VOT's layout."""
+    shake, roll, jumps = SEQUENCES[folder.name]
     random = np.random.Generator(np.random.PCG64(seed))
     (width, height), (w, h) = SIZE, TARGET
     background = texture(random, (width, height), 12)
     target = texture(random, TARGET, 7)
     (folder / "color").mkdir(parents=True)
     truth = []
-    for index, (x, y) in enumerate(path(leaps)):
-        picture = background.copy()
-        picture[y : y + h, x : x + w] = target
+    for index, (x, y) in enumerate(target_path(jumps)):
+        scene = background.copy()
+        scene[y : y + h, x : x + w] = target
         dx, dy, angle = random.normal(0, (shake, shake, roll))
-        seen_from_world = rigid(dx, dy, angle, frame_centre(SIZE))
-        frame = cv2.warpAffine(picture, seen_from_world[:2], SIZE, borderMode=cv2.BORDER_REFLECT)
+        frame_from_world = rigid(dx, dy, angle, frame_centre(SIZE))
+        frame = cv2.warpAffine(scene, frame_from_world[:2], SIZE, borderMode=cv2.BORDER_REFLECT)
         cv2.imwrite(str(folder / "color" / f"{index + 1:08d}.jpg"), frame)
-        corners = map_points(seen_from_world, corners_from_xywh((x, y, w - 1, h - 1)))
+        corners = map_points(frame_from_world, corners_from_xywh((x, y, w - 1, h - 1)))
         truth.append(",".join(f"{value:.3f}" for value in corners.ravel()))
     (folder / "groundtruth.txt").write_text("\n".join(truth) + "\n")
     (folder / "sequence").write_text(
@@ -128,27 +130,27 @@ def write_sequence(folder: Path, seed: int) -> None:
 
 
 def texture(random: np.random.Generator, size_wh: tuple[int, int], cell: int) -> Any:
-    """Random colours in cells of `cell` pixels and finer: (H, W, 3) uint8."""
+    """Random colors in cells of `cell` pixels, with noise per pixel: (H, W, 3) uint8."""
     width, height = size_wh
     shape = (height // cell + 1, width // cell + 1, 3)
-    colours = random.integers(30, 226, shape).astype(np.uint8)
-    coarse = np.kron(colours, np.ones((cell, cell, 1), np.uint8))[:height, :width]
+    colors = random.integers(30, 226, shape).astype(np.uint8)
+    coarse = np.kron(colors, np.ones((cell, cell, 1), np.uint8))[:height, :width]
     return cv2.add(coarse, random.integers(0, 30, coarse.shape).astype(np.uint8))
 
 
-def path(leaps: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-    """Top left corner of the target in every frame, world pixels."""
+def target_path(jumps: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    """Top left corner of the target in each frame, world pixels."""
     side = 0
     for index in range(FRAMES):
-        side ^= index in leaps
+        side ^= index in jumps
         yield 45 + 140 * side + round(25 * np.sin(index / 9)), 100 + round(40 * np.cos(index / 14))
 
 
 def compare(report: dict[str, Any], folder: Path) -> int:
-    """Print the toolkit's measures beside ours; 1 if they disagree, else 0."""
+    """Print the toolkit's measures beside ours; returns 1 if they differ, else 0."""
     baseline = report["results"]["baseline"]
     averages, means, _ = baseline["results"]
-    limits = next(each for each in baseline["parameters"]["analyses"] if "high" in each)
+    limits = next(entry for entry in baseline["parameters"]["analyses"] if "high" in entry)
     interval = Interval(limits["low"], limits["high"])
     sequences = open_dataset(folder / "sequences", "vot").sequences.values()
     differences = []
@@ -162,8 +164,8 @@ def compare(report: dict[str, Any], folder: Path) -> int:
         for measure, official, own in zip(MEASURES, (accuracy, lost, eao), ours, strict=True):
             print(f"{label:12s}{measure:>8s}{official:14.4f}{own:10.4f}")
             differences.append(abs(official - own))
-    agree = all(difference <= TOLERANCE for difference in differences)  # nan does not
-    print(f"largest difference {max(differences):.6f}: they {'agree' if agree else 'DISAGREE'}")
+    agree = all(difference <= TOLERANCE for difference in differences)  # false for nan
+    print(f"largest difference {max(differences):.6f}: {'equal' if agree else 'DIFFERENT'}")
     return 0 if agree else 1
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What the tests of `ssiam live` need of a Debian system: a browser, and an RTSP server. Where it
-# cannot be installed those tests are skipped, and say so.
+# Install the Debian packages that the tests of `ssiam live` need: a browser and an RTSP server.
+# Without them those tests are skipped.
 set -euo pipefail
 needed=(chromium gir1.2-gst-rtsp-server-1.0 python3-gi gstreamer1.0-plugins-good gstreamer1.0-plugins-bad)
 if dpkg --status "${needed[@]}" >/dev/null 2>&1; then exit 0; fi

@@ -2,7 +2,7 @@
 
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from helpers.tracked_clip import write_clip
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.datasets import Shake, open_dataset, shaken
 from ssiam.evaluation.layouts import otb_path, vot_path, write_boxes, write_vot

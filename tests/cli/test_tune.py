@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 
 

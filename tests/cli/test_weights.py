@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ssiam.cli import main
-from ssiam.runtime import PUBLISHED
+from ssiam.runtime import MODEL_ZOO
 
 ALEX = "siamrpn_alex_dwxcorr"
 
@@ -29,9 +29,9 @@ def models():
 def test_list_shows_where_weights_are_published(capsys):
     assert main(["weights", "list"]) == 0
     out = capsys.readouterr().out
-    for tracker, publication in PUBLISHED.items():
+    for tracker, publication in MODEL_ZOO.items():
         assert f"{tracker}: not available" in out
-        assert f"{publication.file} at {publication.where}" in out
+        assert f"{publication.file} at {publication.source}" in out
     assert "size about 9.4 MB, license MIT" in out
     assert "size unknown, license CC BY-SA 3.0" in out
 
@@ -68,7 +68,7 @@ def test_int8_with_a_folder_of_images(models, tmp_path, monkeypatch):
     from helpers.synthetic import golden_video
 
     pytest.importorskip("onnxruntime")
-    monkeypatch.setattr("ssiam.runtime.calibration._CROPS", 2)
+    monkeypatch.setattr("ssiam.runtime.quantization._CROPS", 2)
     for number, frame in enumerate(golden_video("A", 3)[0]):
         cv2.imwrite(str(tmp_path / f"{number:03d}.png"), frame)
     arguments = ["weights", "export", "siamfc", str(models.checkpoint("siamfc")), "--out", "eight"]
@@ -87,7 +87,7 @@ def test_int8_with_a_folder_of_images(models, tmp_path, monkeypatch):
         pytest.param(["export", ALEX, "FILE"], f"those of siamfc, not of {ALEX}", id="another"),
         pytest.param(["export", "siamfc", "missing.pth"], "missing.pth do not exist", id="absent"),
         pytest.param(
-            ["export", "siamfc", "FILE", "--precision", "int8"], "needs pictures", id="no pictures"
+            ["export", "siamfc", "FILE", "--precision", "int8"], "needs images", id="no pictures"
         ),
         pytest.param(
             ["import", "FILE", "--tracker", ALEX], f"siamfc, but {ALEX} has", id="wrong tracker"
@@ -107,8 +107,8 @@ def test_wrong_arguments_give_one_line_error(models, tmp_path, capsys, arguments
 
 
 def test_network_without_a_tracker_is_refused(models, tmp_path, capsys):
-    from helpers.network_files import flat_state, saved
+    from helpers.network_files import constant_state, save_checkpoint
 
-    file = saved(tmp_path / "base.pth", flat_state("SiamMask_foolwood_base"))
+    file = save_checkpoint(tmp_path / "base.pth", constant_state("SiamMask_foolwood_base"))
     assert main(["weights", "import", str(file)]) == 2
     assert "siammask_base, which no tracker uses" in capsys.readouterr().err

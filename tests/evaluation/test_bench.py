@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.bench import run_all, run_task, tasks

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from helpers.benched import bench, write_run, write_vot_year
+from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import generator, poses, seen, world
-from helpers.tiny_networks import write_dataset
 from ssiam.datasets import Sequence, open_dataset
 from ssiam.errors import MissingExtraError
 from ssiam.evaluation.differing import Differing, most_differing

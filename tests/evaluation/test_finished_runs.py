@@ -2,7 +2,7 @@
 
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.bench import run_task, tasks
 from ssiam.evaluation.entries import Entry

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.benched import bench, write_run, write_vot_year
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.eao import INTERVALS, known_year
 from ssiam.evaluation.entries import Entry

@@ -4,7 +4,7 @@ import builtins
 
 import pytest
 
-from helpers.tiny_networks import write_dataset
+from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.errors import MissingExtraError, SsiamError
 from ssiam.evaluation import tuning

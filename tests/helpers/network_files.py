@@ -1,4 +1,4 @@
-"""Checkpoint files as the authors and their users have them."""
+"""Checkpoint files in the formats of the authors and their users."""
 
 import zlib
 from collections import OrderedDict
@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from helpers.rule_weights import key_lists, rule_weights
+from helpers.seeded_weights import checkpoint_shapes, seeded_weights
 
 
-def rule_state(keys):
-    """A state dict of weights by rule, of the names that `key_lists` has under `keys`."""
-    arrays = rule_weights(key_lists()[keys])
+def seeded_state(name):
+    """A state dict of seeded weights, with the keys of a checkpoint of `checkpoint_shapes`."""
+    arrays = seeded_weights(checkpoint_shapes()[name])
     return OrderedDict((key, torch.from_numpy(np.asarray(array))) for key, array in arrays.items())
 
 
-def flat_state(keys):
-    """A state dict that takes no room: each weight is one number, told from its name, repeated."""
+def constant_state(name):
+    """A state dict of little memory: all elements of a weight are one number, made of its key."""
     return OrderedDict(
         (key, torch.tensor(float(zlib.crc32(key.encode()) % 1000)).expand(shape))
-        for key, shape in key_lists()[keys].items()
+        for key, shape in checkpoint_shapes()[name].items()
     )
 
 
-def saved(path: Path, content: object, *, zipped: bool = False) -> Path:
-    """The file, in PyTorch's zip format or in the one before it, which the authors' have."""
+def save_checkpoint(path: Path, content: object, *, zipped: bool = False) -> Path:
+    """Write a file in PyTorch's zip format, or in the legacy format of the authors' files."""
     torch.save(content, path, _use_new_zipfile_serialization=zipped)
     return path

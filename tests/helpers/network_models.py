@@ -1,4 +1,4 @@
-"""Checkpoint files and exports of networks with weights by rule, each made once a test run."""
+"""Checkpoint files and exports of networks with seeded weights, each made once per test run."""
 
 import atexit
 import os
@@ -7,11 +7,11 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from helpers.network_files import rule_state, saved
+from helpers.network_files import save_checkpoint, seeded_state
 
-SLOW = bool(os.environ.get("SSIAM_SLOW"))  # whether tests take their time
+SLOW = bool(os.environ.get("SSIAM_SLOW"))  # whether to run the slow tests
 
-NETWORKS = {  # golden file: names of its weights, network
+NETWORKS = {  # golden file: checkpoint of its weights, network
     "siamfc": ("siamfc_alexnet_e50", "siamfc"),
     "siamrpn_alex_dwxcorr": ("siamrpn_alex_dwxcorr", "siamrpn_alex_dwxcorr"),
     "siamrpn_mobilev2_l234_dwxcorr": ("siamrpn_mobilev2_l234_dwxcorr",) * 2,
@@ -23,6 +23,7 @@ NETWORKS = {  # golden file: names of its weights, network
 
 @cache
 def folder() -> Path:
+    """A folder that is removed at the end of the test run."""
     path = Path(mkdtemp(prefix="ssiam-tests-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
@@ -31,8 +32,8 @@ def folder() -> Path:
 @cache
 def checkpoint(golden: str) -> Path:
     """The .pth file of a network, by the name of its golden file."""
-    keys, _ = NETWORKS[golden]
-    return saved(folder() / f"{golden}.pth", rule_state(keys))
+    name, _ = NETWORKS[golden]
+    return save_checkpoint(folder() / f"{golden}.pth", seeded_state(name))
 
 
 @cache

@@ -16,7 +16,7 @@ class Stub:
     """Answers call number t = 1, 2, ... with ``answer(t, *inputs)``."""
 
     input_shapes = output_shapes = ()
-    convolutions = 0
+    convolution_count = 0
 
     def __init__(self, answer):
         self.answer, self.given = answer, []

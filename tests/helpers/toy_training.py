@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from helpers.synthetic import generator
-from ssiam.networks.efficientnet_lite import EfficientNetLite0
+from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
 from ssiam.training.batches import Batch
 from ssiam.training.loop import train
 from ssiam.training.network_settings import NetworkSettings

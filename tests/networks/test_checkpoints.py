@@ -1,9 +1,11 @@
+"""The authors' checkpoints, in all their key names and containers."""
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
-from helpers.network_files import flat_state, saved  # noqa: E402
+from helpers.network_files import constant_state, save_checkpoint  # noqa: E402
 from ssiam.networks import read_checkpoint  # noqa: E402
 
 ALEX = "siamrpn_alex_dwxcorr"
@@ -19,7 +21,7 @@ OLDER_SIAMFC = {
 
 
 @pytest.mark.parametrize(
-    ("keys", "network", "theirs", "ours"),
+    ("checkpoint", "network", "original_key", "key"),
     [
         pytest.param(*row, id=row[0])
         for row in (
@@ -46,21 +48,21 @@ OLDER_SIAMFC = {
         )
     ],
 )
-def test_authors_checkpoints(tmp_path, keys, network, theirs, ours):
-    state = flat_state(keys)
-    name, loaded = read_checkpoint(saved(tmp_path / "model.pth", state))
+def test_authors_checkpoints(tmp_path, checkpoint, network, original_key, key):
+    state = constant_state(checkpoint)
+    name, loaded = read_checkpoint(save_checkpoint(tmp_path / "model.pth", state))
     assert name == network
     assert not loaded.training
-    assert torch.equal(loaded.state_dict()[ours], state[theirs])
-    floats = [value for value in loaded.state_dict().values() if value.is_floating_point()]
-    theirs_first = [float(value.flatten()[0]) for key, value in state.items() if _is_weight(key)]
-    assert sorted(float(value.flatten()[0]) for value in floats) == sorted(theirs_first)
+    assert torch.equal(loaded.state_dict()[key], state[original_key])
+    weights = [value for value in loaded.state_dict().values() if value.is_floating_point()]
+    originals = [value for key, value in state.items() if _is_weight(key)]
+    assert sorted(map(_first_element, weights)) == sorted(map(_first_element, originals))
 
 
-def test_got10ks_older_siamfc(tmp_path):
-    state = flat_state("siamfc_alexnet_e50")
+def test_siamfc_of_got10k(tmp_path):
+    state = constant_state("siamfc_alexnet_e50")
     older = {_older(key): value for key, value in state.items()}
-    name, network = read_checkpoint(saved(tmp_path / "model.pth", older))
+    name, network = read_checkpoint(save_checkpoint(tmp_path / "model.pth", older))
     assert name == "siamfc"
     for key in filter(_is_weight, state):
         assert torch.equal(network.state_dict()[key], state[key])
@@ -74,13 +76,14 @@ def test_got10ks_older_siamfc(tmp_path):
         pytest.param(lambda state: dict(state, _epoch=20), id="with a number beside the weights"),
         pytest.param(lambda state: {"epoch": 20, "state_dict": state}, id="snapshot"),
         pytest.param(lambda state: {"model": state}, id="under model"),
-        pytest.param(lambda state: {f"module.{k}": v for k, v in state.items()}, id="parallel"),
+        pytest.param(lambda state: {f"module.{k}": v for k, v in state.items()}, id="DataParallel"),
         pytest.param(
             lambda state: {"state_dict": {f"module.{k}": v for k, v in state.items()}},
-            id="snapshot of parallel training",
+            id="snapshot of DataParallel training",
         ),
         pytest.param(
-            lambda state: {"state_dict": state, "best_acc": np.float64(0.5)}, id="numpy's number"
+            lambda state: {"state_dict": state, "best_acc": np.float64(0.5)},
+            id="with a NumPy scalar",
         ),
         pytest.param(
             lambda state: {k: v for k, v in state.items() if _is_weight(k)}, id="of PyTorch 0.4"
@@ -90,14 +93,18 @@ def test_got10ks_older_siamfc(tmp_path):
         ),
     ],
 )
-def test_wrappings(tmp_path, content, zipped):
-    state = flat_state(ALEX)
-    path = saved(tmp_path / "model.pth", content(state), zipped=zipped)
+def test_containers(tmp_path, content, zipped):
+    state = constant_state(ALEX)
+    path = save_checkpoint(tmp_path / "model.pth", content(state), zipped=zipped)
     name, network = read_checkpoint(path)
     assert name == ALEX
     assert torch.equal(network.state_dict()[CONV5], state[CONV5])
     assert {value.dtype for value in network.parameters()} == {torch.float32}
     assert not any(value.is_meta for value in network.state_dict().values())
+
+
+def _first_element(value):
+    return float(value.flatten()[0])
 
 
 def _is_weight(key):

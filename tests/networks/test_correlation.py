@@ -18,7 +18,7 @@ from ssiam.networks.correlation import (  # noqa: E402
         pytest.param(correlate_all, correlate_all_sliced, 3, 256, 22, 6, id="SiamFC"),
     ],
 )
-def test_slices_are_the_convolution(convolved, sliced, crops, channels, side, kernel):
+def test_the_sliced_form_equals_the_convolution(convolved, sliced, crops, channels, side, kernel):
     random = torch.Generator().manual_seed(0)
     search = torch.randn(crops, channels, side, side, generator=random)
     template = torch.randn(1, channels, kernel, kernel, generator=random)
@@ -27,16 +27,16 @@ def test_slices_are_the_convolution(convolved, sliced, crops, channels, side, ke
     assert torch.allclose(sliced(search, template), expected, rtol=0, atol=1e-5 * expected.max())
 
 
-def test_each_pair_for_itself():
+def test_pairs_of_a_batch_are_independent():
     random = torch.Generator().manual_seed(0)
     search = torch.randn(2, 3, 9, 8, generator=random)
     kernel = torch.randn(2, 3, 5, 5, generator=random)
-    alone = torch.cat([correlate(search[i : i + 1], kernel[i : i + 1]) for i in range(2)])
-    assert torch.allclose(correlate(search, kernel), alone, atol=1e-5)
-    assert torch.allclose(correlate_sliced(search, kernel), alone, atol=1e-5)
+    single = torch.cat([correlate(search[i : i + 1], kernel[i : i + 1]) for i in range(2)])
+    assert torch.allclose(correlate(search, kernel), single, atol=1e-5)
+    assert torch.allclose(correlate_sliced(search, kernel), single, atol=1e-5)
 
 
-def test_each_channel_for_itself():
+def test_channels_are_independent():
     search = torch.zeros(1, 2, 3, 4)
     search[0, 1, 2, 3] = 5
     kernel = torch.arange(8.0).reshape(1, 2, 2, 2)

@@ -1,133 +1,68 @@
-"""ONNX files: their inputs and nodes, what is recorded, and what is refused."""
-
-import importlib.util
-import json
+"""Names and shapes of the inference pieces, and the package that their export needs."""
 
 import pytest
 
 torch = pytest.importorskip("torch")
-onnx = pytest.importorskip("onnx")
 
-from helpers.network_models import checkpoint, exported  # noqa: E402
-from helpers.synthetic import golden_video  # noqa: E402
-from ssiam.errors import (  # noqa: E402
-    ArgumentError,
-    MissingExtraError,
-    SinkError,
-    WeightsError,
-)
-from ssiam.networks import build_network, inference_graphs, write_onnx  # noqa: E402
-from ssiam.runtime import Running, export, load_network  # noqa: E402
-from ssiam.runtime.exported import Exported  # noqa: E402
-from ssiam.runtime.files import sha256  # noqa: E402
-from ssiam.runtime.pieces import load_pieces  # noqa: E402
-from ssiam.stabilize import FrameView  # noqa: E402
-from ssiam.trackers.siamese import crop_tensor  # noqa: E402
+from ssiam.errors import ArgumentError, MissingExtraError  # noqa: E402
+from ssiam.networks import NETWORKS, build_network, inference_graphs, write_onnx  # noqa: E402
 
-ALEX = "siamrpn_alex_dwxcorr"
-
-
-def export_alex(folder, **changes):
-    return export.export_network(
-        checkpoint(ALEX), folder, **{"name": ALEX, "network": ALEX, **changes}
-    )
+MAPS = [(1, 10, 25, 25), (1, 20, 25, 25)]
+CORR = (1, 256, 25, 25)
+KERNEL = (1, 256, 5, 5)
+SIAMRPN = (["template", "search"], [KERNEL] * 6, MAPS)
+PIECES = {
+    "siamfc": (["template", "search"], [(1, 256, 6, 6)], [(3, 1, 17, 17)]),
+    "siamrpn_alex_dwxcorr": (
+        *(["template", "search"], [(1, 256, 4, 4)] * 2),
+        [(1, 10, 21, 21), (1, 20, 21, 21)],
+    ),
+    "siamrpn_mobilev2_l234_dwxcorr": SIAMRPN,
+    "siamrpn_r50_l234_dwxcorr": SIAMRPN,
+    "siamrpn_r50_l234_dwxcorr_otb": SIAMRPN,
+    "siammask_r50_l3": (
+        *(["template", "search", "refine"], [KERNEL] * 3),
+        [*MAPS, CORR, (1, 64, 125, 125), (1, 256, 63, 63), (1, 512, 31, 31)],
+    ),
+    "siammask_base": (["template", "search", "mask"], [KERNEL] * 3, [*MAPS, CORR]),
+}
 
 
-def test_kernels_are_inputs_and_no_convolution_has_them_as_weights():
-    graph = onnx.load(exported(ALEX) / "search.onnx").graph
-    shapes = {
-        each.name: tuple(d.dim_value for d in each.type.tensor_type.shape.dim)
-        for each in graph.input
-    }
-    assert shapes == {
-        "search_crop": (1, 3, 287, 287),
-        "cls_kernel": (1, 256, 4, 4),
-        "loc_kernel": (1, 256, 4, 4),
-    }
-    assert [each.name for each in graph.output] == ["cls", "loc"]
-    constants = {each.name for each in graph.initializer}
-    convolutions = [node for node in graph.node if node.op_type == "Conv"]
-    assert convolutions
-    assert all(node.input[1] in constants for node in convolutions)
+@pytest.mark.parametrize("sliced", [True, False], ids=["sliced", "convolved"])
+@pytest.mark.parametrize("name", NETWORKS)
+def test_template_and_search(name, sliced):
+    with torch.device("meta"):
+        network = build_network(name)
+        graphs = inference_graphs(network, sliced=sliced)
+        kernels = graphs["template"](torch.zeros(network.template_shape))
+        responses = graphs["search"](torch.zeros(network.search_shape), *kernels)
+    assert (list(graphs), _shapes(kernels), _shapes(responses)) == PIECES[name]
+    assert len(graphs["template"].output_names) == len(kernels)
+    assert graphs["search"].input_names == ("search_crop", *graphs["template"].output_names)
+    assert len(graphs["search"].output_names) == len(responses)
 
 
-def test_the_record_says_what_the_files_are():
-    record = json.loads((exported(ALEX) / "network.json").read_text())
-    assert record["name"] == record["network"] == ALEX
-    assert record["sha256"] == sha256(checkpoint(ALEX))
-    assert (record["pieces"], record["precision"]) == (["template", "search"], "f32")
-    assert onnx.load(exported(ALEX) / "search.onnx").opset_import[0].version == record["opset"]
+def test_masks():
+    with torch.device("meta"):
+        refine = inference_graphs(build_network("siammask_r50_l3"))["refine"]
+        shapes = [(1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15), (1, 256, 1, 1)]
+        assert refine(*map(torch.zeros, shapes)).shape == (1, 127 * 127)
+        mask = inference_graphs(build_network("siammask_base"))["mask"]
+        assert mask(torch.zeros(1, 256, 1, 1)).shape == (1, 63 * 63, 1, 1)
 
 
-def test_files_that_differ_from_pytorch_are_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(export, "TOLERANCE", 0.0)
-    with pytest.raises(WeightsError, match=r"template piece .* differs from PyTorch by .* kept"):
-        export_alex(tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "complaint"),
-    [
-        pytest.param(
-            {"network": "siamfc"}, WeightsError, f"those of {ALEX}, not of siamfc", id="another"
-        ),
-        pytest.param({"precision": "int8"}, ArgumentError, "needs pictures", id="no pictures"),
-    ],
-)
-def test_what_cannot_be_exported(tmp_path, changes, error, complaint):
-    with pytest.raises(error, match=complaint) as caught:
-        export_alex(tmp_path, **changes)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_folder_that_cannot_be_written(tmp_path):
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(SinkError, match="file/out cannot be written"):
-        export_alex(tmp_path / "file" / "out")
+def test_an_unknown_network_is_refused():
+    with pytest.raises(ArgumentError, match="unknown network 'siamcar': choose from siamfc, "):
+        build_network("siamcar")
 
 
 def test_the_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("ssiam.networks.export.find_spec", lambda name: None)
     with torch.device("meta"):
-        graph = inference_graphs(build_network(ALEX))["template"]
+        graph = inference_graphs(build_network("siamrpn_alex_dwxcorr"))["template"]
     with pytest.raises(MissingExtraError, match=r"onnx is not installed.*ssiam\[torch\]"):
         write_onnx(graph, [(1, 3, 127, 127)], tmp_path / "x.onnx", opset=17)
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("onnxruntime") is None, reason="int8 needs onnxruntime"
-)
-def test_int8_runs_alike_on_both_runtimes_and_near_f32(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("ssiam.runtime.calibration._CROPS", 6)
-    frames, _ = golden_video("A", 4)
-    assert export_alex(tmp_path / "int8", precision="int8", pictures=frames).precision == "int8"
-    assert Exported.read(tmp_path / "int8").precision == "int8"
-    view = FrameView(frames[3])
-    crops = [view.crop((110, 120), side, out, (0, 0, 0)) for side, out in ((90, 127), (203, 287))]
-    template, search = map(crop_tensor, crops)
-    maps = {}
-    for runtime, folder in (
-        ("openvino", exported(ALEX)),
-        ("openvino", tmp_path / "int8"),
-        ("onnxruntime", tmp_path / "int8"),
-    ):
-        running = Running(runtime, precision="f32" if folder == exported(ALEX) else "int8")
-        pieces = load_pieces(folder, ALEX, running)
-        maps[runtime, running.precision] = pieces["search"](search, *pieces["template"](template))
-    exact, ours = maps["openvino", "f32"], maps["openvino", "int8"]
-    for i, theirs in enumerate(maps["onnxruntime", "int8"]):
-        assert export.distance(ours[i], theirs) < 0.05
-        assert 1e-4 < export.distance(ours[i], exact[i]) < 0.25
-    size = (exported(ALEX) / "search.onnx").stat().st_size
-    assert (tmp_path / "int8" / "search.onnx").stat().st_size < 0.4 * size
-
-
-@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
-def test_int8_is_not_claimed_for_f32_files(runtime):
-    pytest.importorskip(runtime)
-    with pytest.raises(WeightsError, match="not in int8: export them so"):
-        load_network(exported(ALEX) / "search.onnx", runtime=runtime, precision="int8")
-    with pytest.raises(ArgumentError, match="not in int8: export"):
-        load_pieces(exported(ALEX), ALEX, Running(runtime, precision="int8"))
+def _shapes(tensors):
+    return [tuple(tensor.shape) for tensor in tensors]

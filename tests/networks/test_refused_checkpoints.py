@@ -1,4 +1,4 @@
-"""What is no checkpoint of the authors, and what its user is told."""
+"""Files that are not the authors' checkpoints, and the messages."""
 
 import zipfile
 
@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from helpers.network_files import flat_state, saved  # noqa: E402
+from helpers.network_files import constant_state, save_checkpoint  # noqa: E402
 from ssiam.errors import WeightsError  # noqa: E402
 from ssiam.networks import read_checkpoint  # noqa: E402
 
@@ -19,99 +19,99 @@ def without(state, start):
     return {key: value for key, value in state.items() if not key.startswith(start)}
 
 
-def with_new_name(state):
+def with_renamed_bias(state):
     return {("bbox.bias" if key == HEAD else key): value for key, value in state.items()}
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("change", "message_parts"),
     [
         pytest.param(
             lambda state: without(state, HEAD),
             [f"nearest network (missing: {HEAD}): give the authors' own file"],
-            id="one is missing",
+            id="one missing",
         ),
         pytest.param(
             lambda state: without(state, "rpn_head.cls."),
             [f"(missing: {SCORES[0]}, {SCORES[1]}", "and 14 more)"],
-            id="many are missing",
+            id="many missing",
         ),
         pytest.param(
             lambda state: dict(state, extra=torch.zeros(3)),
             ["(unexpected: extra)"],
-            id="one too many",
+            id="one unexpected",
         ),
         pytest.param(
-            with_new_name, [f"(missing: {HEAD}; unexpected: bbox.bias)"], id="of another name"
+            with_renamed_bias, [f"(missing: {HEAD}; unexpected: bbox.bias)"], id="renamed"
         ),
         pytest.param(
             lambda state: {**state, HEAD: torch.zeros(10)},
             [f"(of another shape: {HEAD} (10,) instead of (20,))"],
-            id="of another shape",
+            id="another shape",
         ),
     ],
 )
-def test_weights_that_differ(tmp_path, changed, told):
-    path = saved(tmp_path / "model.pth", changed(flat_state(ALEX)))
+def test_weights_that_differ(tmp_path, change, message_parts):
+    path = save_checkpoint(tmp_path / "model.pth", change(constant_state(ALEX)))
     message = refusal(path)
-    for part in [f"not quite those of {ALEX}", *told]:
+    for part in [f"differ from those of {ALEX}", *message_parts]:
         assert part in message
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         pytest.param(
             {"fc.weight": torch.zeros(2, 2), "fc.bias": torch.zeros(2)},
-            "of no network known here (unexpected: fc.weight, fc.bias): give the authors' "
+            "not those of a known network (unexpected: fc.weight, fc.bias): give the authors' "
             "checkpoint of one of siamfc, siamrpn_alex_dwxcorr,",
             id="another network",
         ),
-        pytest.param({"epoch": 3, "lr": 0.1}, "hold no weights by name, only epoch, lr", id="log"),
-        pytest.param({}, "hold no weights by name, only nothing", id="nothing"),
+        pytest.param({"epoch": 3, "lr": 0.1}, "hold no named weights, only epoch, lr", id="log"),
+        pytest.param({}, "hold no named weights, only nothing", id="nothing"),
         pytest.param(torch.zeros(2), "hold a Tensor, not a network's state dict", id="tensor"),
     ],
 )
-def test_other_contents(tmp_path, content, told):
-    assert told in refusal(saved(tmp_path / "model.pth", content))
+def test_other_contents(tmp_path, content, message):
+    assert message in refusal(save_checkpoint(tmp_path / "model.pth", content))
 
 
-def test_layers_of_other_widths_are_named(tmp_path):
-    state = flat_state("siamrpn_r50_l234_dwxcorr")
+def test_the_message_names_layers_of_another_width(tmp_path):
+    state = constant_state("siamrpn_r50_l234_dwxcorr")
     level = "neck.downsample2.downsample.0.weight"
     state[level] = torch.zeros(1).expand(128, 512, 1, 1)
-    message = refusal(saved(tmp_path / "model.pth", state))
+    message = refusal(save_checkpoint(tmp_path / "model.pth", state))
     assert f"{level} (128, 512, 1, 1) instead of (256, 512, 1, 1)" in message
 
 
 @pytest.mark.parametrize(
-    ("start", "told"),
+    ("start", "message"),
     [
         pytest.param(b"<!DOCTYPE html><html>", "are a web page (they start with", id="web page"),
-        pytest.param(b"\n <html>", "are a web page", id="web page after a line"),
+        pytest.param(b"\n <html>", "are a web page", id="web page after an empty line"),
         pytest.param(b"", "are empty (0 bytes)", id="empty"),
         pytest.param(b"\x08\x07\x12\x07pytorch", "are not a PyTorch checkpoint", id="ONNX"),
         pytest.param(b"version https://git-lfs", "are not a PyTorch checkpoint", id="LFS pointer"),
         pytest.param(b"\x80\x02hello", "are damaged or cut short (7 bytes)", id="junk"),
     ],
 )
-def test_other_files(tmp_path, start, told):
+def test_other_files(tmp_path, start, message):
     path = tmp_path / "model.pth"
     path.write_bytes(start)
-    assert told in refusal(path)
+    assert message in refusal(path)
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.999])
-def test_cut_files(tmp_path, share, zipped):
-    path = saved(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=zipped)
+def test_truncated_files(tmp_path, share, zipped):
+    path = save_checkpoint(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=zipped)
     length = int(path.stat().st_size * share)
     path.write_bytes(path.read_bytes()[:length])
     assert f"damaged or cut short ({length} bytes): download the file again" in refusal(path)
 
 
 def test_an_altered_archive(tmp_path):
-    path = saved(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=True)
+    path = save_checkpoint(tmp_path / "model.pth", {"a.weight": torch.zeros(5000)}, zipped=True)
     data = path.read_bytes()
     start = data.index(b"data.pkl") + 60
     path.write_bytes(data[:start] + bytes(100) + data[start + 100 :])
@@ -124,13 +124,13 @@ def test_an_archive_of_something_else(tmp_path):
     assert "an archive of 1 files (siammask_r50_l3/model.pth)" in refusal(tmp_path / "model.zip")
 
 
-def test_no_file(tmp_path):
+def test_a_missing_file_and_a_folder(tmp_path):
     assert "do not exist" in refusal(tmp_path / "model.pth")
     assert "are a folder" in refusal(tmp_path)
 
 
-class Writes:
-    """Makes a file when it is unpickled."""
+class WritesWhenUnpickled:
+    """Creates a file when it is unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -141,20 +141,20 @@ class Writes:
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
 def test_code_is_not_run(tmp_path, zipped):
-    made = tmp_path / "made"
-    content = {"state_dict": flat_state(ALEX), "hook": Writes(made)}
-    message = refusal(saved(tmp_path / "model.pth", content, zipped=zipped))
+    created = tmp_path / "created"
+    content = {"state_dict": constant_state(ALEX), "hook": WritesWhenUnpickled(created)}
+    message = refusal(save_checkpoint(tmp_path / "model.pth", content, zipped=zipped))
     assert "hold code (io.open) and were not loaded" in message
-    assert not made.exists()
+    assert not created.exists()
 
 
-def test_a_whole_module_is_code(tmp_path):
-    message = refusal(saved(tmp_path / "model.pth", torch.nn.Linear(2, 2)))
+def test_a_pickled_module_is_code(tmp_path):
+    message = refusal(save_checkpoint(tmp_path / "model.pth", torch.nn.Linear(2, 2)))
     assert "hold code (torch.nn.modules.linear.Linear)" in message
 
 
 def refusal(path):
-    """What the reader says of a file, which is one line about that file."""
+    """The message for a file, which is one line that begins with the path."""
     with pytest.raises(WeightsError) as caught:
         read_checkpoint(path)
     message = str(caught.value)

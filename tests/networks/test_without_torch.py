@@ -1,3 +1,5 @@
+"""The message of `import ssiam.networks` without PyTorch."""
+
 import subprocess
 import sys
 

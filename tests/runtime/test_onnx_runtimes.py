@@ -1,4 +1,4 @@
-"""OpenVINO and ONNX Runtime on files that need nothing else."""
+"""OpenVINO and ONNX Runtime on NanoTrack's ONNX files: agreement, errors and caching."""
 
 import logging
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.runtime import load_network, openvino
+from ssiam.runtime import load_network
+from ssiam.runtime import openvino as openvino_runtime
 
 RUNTIMES = ["openvino", "onnxruntime"]
 
@@ -26,18 +27,18 @@ def backbone(shared):
 def test_the_runtimes_agree(backbone, side):
     pytest.importorskip("onnxruntime")
     shape = None if side is None else (1, 3, side, side)
-    ours, theirs = (load_network(backbone, shape, runtime=each) for each in RUNTIMES)
-    assert ours.input_shapes == theirs.input_shapes == [(1, 3, side or 255, side or 255)]
-    assert ours.output_shapes == theirs.output_shapes
-    assert ours.convolutions == theirs.convolutions
-    crop = np.random.default_rng(0).integers(0, 256, ours.input_shapes[0]).astype(np.float32)
-    (a,), (b,) = ours(crop), theirs(crop)
+    openvino, onnxruntime = (load_network(backbone, shape, runtime=each) for each in RUNTIMES)
+    assert openvino.input_shapes == onnxruntime.input_shapes == [(1, 3, side or 255, side or 255)]
+    assert openvino.output_shapes == onnxruntime.output_shapes
+    assert openvino.convolution_count == onnxruntime.convolution_count
+    crop = np.random.default_rng(0).integers(0, 256, openvino.input_shapes[0]).astype(np.float32)
+    (a,), (b,) = openvino(crop), onnxruntime(crop)
     assert a.dtype == b.dtype == np.float32
     assert abs(a - b).max() < 1e-4 * abs(b).max()
 
 
 @pytest.mark.parametrize("runtime", RUNTIMES)
-def test_damaged_files_and_wrong_shapes(backbone, tmp_path, runtime):
+def test_damaged_files_and_wrong_shapes_are_refused(backbone, tmp_path, runtime):
     pytest.importorskip(runtime)
     (tmp_path / "cut.onnx").write_bytes(backbone.read_bytes()[:90_000])
     with pytest.raises(WeightsError, match="damaged or cut short"):
@@ -49,7 +50,7 @@ def test_damaged_files_and_wrong_shapes(backbone, tmp_path, runtime):
 
 
 @pytest.mark.parametrize("device", ["cuda", "tensorrt", "coreml"])
-def test_a_device_that_this_build_has_not(backbone, device):
+def test_a_device_that_the_build_lacks_is_refused(backbone, device):
     ort = pytest.importorskip("onnxruntime")
     if any(device in each.lower() for each in ort.get_available_providers()):
         pytest.skip(f"this ONNX Runtime has {device}")
@@ -58,19 +59,19 @@ def test_a_device_that_this_build_has_not(backbone, device):
     assert "\n" not in str(caught.value)
 
 
-def test_large_networks_are_kept_compiled(backbone, cache, monkeypatch):
+def test_large_compiled_networks_are_cached(backbone, cache, monkeypatch):
     crop = np.full((1, 3, 255, 255), 90, np.float32)
     expected = load_network(backbone)(crop)
     assert not cache.exists()
-    monkeypatch.setattr(openvino, "_WORTH_CACHING", 0)
+    monkeypatch.setattr(openvino_runtime, "_MIN_CACHED_BYTES", 0)
     for _ in range(2):
         np.testing.assert_array_equal(load_network(backbone)(crop), expected)
         assert len(list(cache.iterdir())) == 1
 
 
-@pytest.mark.parametrize("damage", ["a file in the way", "a damaged entry"])
-def test_a_cache_that_is_of_no_use_stops_nothing(backbone, cache, monkeypatch, damage):
-    monkeypatch.setattr(openvino, "_WORTH_CACHING", 0)
+@pytest.mark.parametrize("damage", ["a file instead of the folder", "a damaged entry"])
+def test_a_broken_cache_is_ignored(backbone, cache, monkeypatch, damage):
+    monkeypatch.setattr(openvino_runtime, "_MIN_CACHED_BYTES", 0)
     crop = np.full((1, 3, 255, 255), 90, np.float32)
     expected = load_network(backbone)(crop)
     (entry,) = cache.iterdir()
@@ -84,10 +85,10 @@ def test_a_cache_that_is_of_no_use_stops_nothing(backbone, cache, monkeypatch, d
     np.testing.assert_array_equal(load_network(backbone)(crop), expected)
 
 
-def test_bf16_without_such_arithmetic_is_f32_with_a_warning(backbone, monkeypatch, caplog):
-    monkeypatch.setattr(openvino, "computes_in_bf16", lambda: False)
+def test_bf16_falls_back_to_f32_with_a_warning(backbone, monkeypatch, caplog):
+    monkeypatch.setattr(openvino_runtime, "supports_bf16", lambda: False)
     crop = np.full((1, 3, 255, 255), 90, np.float32)
     with caplog.at_level(logging.WARNING):
-        found = load_network(backbone, precision="bf16")(crop)
+        outputs = load_network(backbone, precision="bf16")(crop)
     assert "no bf16 arithmetic: the network runs in f32" in caplog.text
-    np.testing.assert_array_equal(found, load_network(backbone)(crop))
+    np.testing.assert_array_equal(outputs, load_network(backbone)(crop))

@@ -7,15 +7,15 @@ import pytest
 
 import ssiam
 from ssiam import cli
-from ssiam.runtime import PUBLISHED, Running
+from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from helpers.network_files import flat_state, saved  # noqa: E402
+from helpers.network_files import constant_state, save_checkpoint  # noqa: E402
 from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder  # noqa: E402
 from helpers.synthetic import golden_video  # noqa: E402
-from ssiam.runtime import pieces  # noqa: E402
+from ssiam.runtime import loading as pieces  # noqa: E402
 
 ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_r50_l3"
 
@@ -38,7 +38,7 @@ def followed(tracker, count=3):
 
 
 def test_every_tracker_has_a_publication():
-    assert set(PUBLISHED) == set(ssiam.TRACKERS) - {"lite", "csrt", "kcf", "mil"}
+    assert set(MODEL_ZOO) == set(ssiam.TRACKERS) - {"lite", "csrt", "kcf", "mil"}
 
 
 @pytest.mark.parametrize("golden", [ALEX, "siamfc", *([MASK, R50] if SLOW else [])])
@@ -60,9 +60,9 @@ def test_resnet_from_one_of_its_exported_files():
 
 
 def test_all_masks_take_one_network(monkeypatch):
-    loaded = pieces.load_pieces(exported(MASK), MASK, Running())
+    loaded = pieces.load_pieces(exported(MASK), MASK, RuntimeOptions())
     monkeypatch.setattr(pieces, "load_pieces", lambda *arguments: loaded)
-    for name in (each for each in PUBLISHED if each.startswith("siammask")):
+    for name in (each for each in MODEL_ZOO if each.startswith("siammask")):
         tracker = ssiam.load_tracker(name, weights=exported(MASK), stabilize="off")
         (track,) = followed(tracker, 2)
         assert track.mask.shape == (240, 320)
@@ -87,7 +87,7 @@ def test_a_checkpoint_is_exported_once_and_torch_not_needed_again(cache, tmp_pat
 def test_a_cache_that_cannot_be_written_stops_nothing(cache, caplog):
     cache.parent.write_text("in the way")
     tracker = ssiam.load_tracker(ALEX, weights=checkpoint(ALEX), stabilize="off")
-    assert "not kept" in caplog.text
+    assert "not cached" in caplog.text
     assert len(followed(tracker)) == 2
 
 
@@ -102,8 +102,8 @@ def test_a_cache_that_cannot_be_written_stops_nothing(cache, caplog):
     ],
 )
 def test_weights_of_another_network_name_both(tmp_path, runtime, name, keys, found):
-    weights = saved(tmp_path / "model.pth", flat_state(keys))
-    wanted = PUBLISHED[name].network
+    weights = save_checkpoint(tmp_path / "model.pth", constant_state(keys))
+    wanted = MODEL_ZOO[name].network
     with pytest.raises(ssiam.WeightsError, match=f"those of {found}, not of {wanted}") as caught:
         ssiam.load_tracker(name, weights=weights, runtime=runtime)
     assert "\n" not in str(caught.value)

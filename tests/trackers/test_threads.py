@@ -13,7 +13,7 @@ import pytest
 
 import ssiam
 from helpers.synthetic import golden_video
-from ssiam.runtime import pieces
+from ssiam.runtime import loading as pieces
 from ssiam.video import open_source
 
 THREADS = 4
@@ -90,7 +90,7 @@ def hold_onnxruntime(monkeypatch, hold):
 
 def hold_torch(monkeypatch, hold):
     torch = pytest.importorskip("torch")
-    from ssiam.networks import graphs
+    from ssiam.networks import export as graphs
 
     for kind in (graphs.TemplateGraph, graphs.SearchGraph, graphs.RefineGraph):
 
@@ -165,7 +165,7 @@ def test_networks_whose_weights_are_held_once(monkeypatch):
     from helpers.network_models import exported, folder
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder() / "cache"))
-    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1_000_000)
+    monkeypatch.setattr(pieces, "_MIN_SHARED_BYTES", 1_000_000)
     first = ssiam.load_tracker(ALEX, weights=exported(ALEX), stabilize="off")
     check(monkeypatch, "openvino", first, golden_video("A", 4)[0])
 

@@ -14,11 +14,11 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
 from helpers import toy_training as toy  # noqa: E402
+from helpers.shaky_dataset import write_dataset  # noqa: E402
 from helpers.synthetic import golden_video  # noqa: E402
-from helpers.tiny_networks import write_dataset  # noqa: E402
 from ssiam.errors import ArgumentError, SinkError, WeightsError  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
-from ssiam.runtime import Running  # noqa: E402
+from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.stabilize import FrameView  # noqa: E402
 from ssiam.trackers.lite import LiteNetworks, LiteTracker  # noqa: E402
 from ssiam.training.checkpoints import write_file  # noqa: E402
@@ -105,7 +105,7 @@ def test_metrics_and_validation_are_kept(undisturbed):
 
 
 def test_the_network_that_is_left_tracks(undisturbed):
-    networks = LiteNetworks.load(undisturbed, Running())
+    networks = LiteNetworks.load(undisturbed, RuntimeOptions())
     tracker = LiteTracker(networks)
     frames, box = golden_video("A", 3)
     tracker.init(FrameView(frames[0]), box)

@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
-from ssiam.runtime import Running  # noqa: E402
+from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.runtime.files import sha256  # noqa: E402
 from ssiam.trackers.lite import SHIPPED, LiteNetworks  # noqa: E402
 from ssiam.training.network_settings import NetworkSettings  # noqa: E402
@@ -19,7 +19,7 @@ def test_training_goes_on_from_the_network_that_tracks():
     """Without the weights of ImageNet; what is to be learnt on is what runs."""
     settings = NetworkSettings(weights="nowhere.pth", begin="lite", stem_steps=0, frozen_steps=0)
     network = Student(settings, taught=False, threads=1, precision="f32").network.eval()
-    pieces = LiteNetworks.load(SHIPPED, Running())
+    pieces = LiteNetworks.load(SHIPPED, RuntimeOptions())
     random = np.random.default_rng(0)
     template, search = (
         random.uniform(0, 255, (1, 3, side, side)).astype(np.float32) for side in (127, 255)

@@ -13,9 +13,9 @@ from cyclopts import App, Parameter
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
 from ssiam.outputs import NamedPath, check_apart, output_error
-from ssiam.runtime import PUBLISHED
-from ssiam.runtime.exported import RECORD, Exported, export_folder
+from ssiam.runtime import MODEL_ZOO
 from ssiam.runtime.files import cache_folder
+from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
 from ssiam.trackers import loading
 from ssiam.video.source_files import check_distinct_from_source
 
@@ -38,12 +38,12 @@ def show(*, folder: Path | None = None) -> None:
     """
     print("lite: included in the package")
     folders = loading.weight_folders() if folder is None else (folder,)
-    for tracker, publication in PUBLISHED.items():
-        found = [each / publication.local for each in folders]
+    for tracker, publication in MODEL_ZOO.items():
+        found = [each / publication.folder for each in folders]
         local = next((_description(path) for path in found if path.is_dir()), "not available")
         print(f"{tracker}: {local}")
-        print(f"  published: {publication.file} at {publication.where}")
-        print(f"  size {publication.size}, license {publication.licence}")
+        print(f"  published: {publication.file} at {publication.source}")
+        print(f"  size {publication.size}, license {publication.license}")
 
 
 @weights.command(name="import")
@@ -71,22 +71,22 @@ def import_(
     """
     network = _network_of(file)
     name = network if tracker is None else tracker
-    if name not in PUBLISHED:
+    if name not in MODEL_ZOO:
         raise WeightsError(f"weights {file} are those of {network}, which no tracker uses")
-    if PUBLISHED[name].network != network:
+    if MODEL_ZOO[name].network != network:
         raise WeightsError(
-            f"weights {file} are those of {network}, but {name} has {PUBLISHED[name].network}"
+            f"weights {file} are those of {network}, but {name} has {MODEL_ZOO[name].network}"
         )
     print(f"{file}: {network}")
-    target = (folder or cache_folder() / "weights") / PUBLISHED[name].local
-    exported = export_folder(file)
+    target = (folder or cache_folder() / "weights") / MODEL_ZOO[name].folder
+    exported = find_export(file)
     if exported is None:
         _check_folder("--folder", target, [("the weights", file)])
         _export(file, target, name, "f32", ())
         _copy_files([file], target, f"{network}.pth")
     else:
-        pieces = [exported / f"{piece}.onnx" for piece in Exported.read(exported).pieces]
-        _copy_files([*pieces, exported / RECORD], target)
+        pieces = [exported / f"{piece}.onnx" for piece in Manifest.read(exported).pieces]
+        _copy_files([*pieces, exported / MANIFEST_FILE], target)
     print(f"stored in {target}")
 
 
@@ -117,12 +117,12 @@ def export(
     pictures
         For int8: video or folder of images similar to those to be tracked, used for calibration.
     """
-    known = [each for each in PUBLISHED if not each.startswith("nanotrack")]
+    known = [each for each in MODEL_ZOO if not each.startswith("nanotrack")]
     tracker = check_choice("tracker with a .pth file", name, known)
     _check_folder("--out", out / tracker, [("the weights", file)], pictures)
     images = [] if pictures is None else _read(pictures)
     _export(file, out / tracker, tracker, precision, images)
-    print(f"{file}: {PUBLISHED[tracker].network}, {precision}, written to {out / tracker}")
+    print(f"{file}: {MODEL_ZOO[tracker].network}, {precision}, written to {out / tracker}")
 
 
 def _export(
@@ -130,18 +130,18 @@ def _export(
 ) -> None:
     from ssiam.runtime.export import export_network
 
-    network = PUBLISHED[name].network
-    export_network(file, target, name=name, network=network, precision=precision, pictures=pictures)
+    network = MODEL_ZOO[name].network
+    export_network(file, target, name=name, network=network, precision=precision, images=pictures)
 
 
 def _network_of(file: Path) -> str:
     """Name of the network in a checkpoint or an exported folder."""
-    folder = export_folder(file)
+    folder = find_export(file)
     if folder is not None:
-        return Exported.read(folder).network
+        return Manifest.read(folder).network
     if file.suffix == ".onnx":
         raise WeightsError(
-            f"weights {file} are ONNX without a {RECORD} beside them: they need no import, "
+            f"weights {file} are ONNX without a {MANIFEST_FILE} beside them: they need no import, "
             "give them to a tracker directly"
         )
     from ssiam.networks import read_checkpoint
@@ -164,8 +164,8 @@ def _read(pictures: str) -> list[Any]:
 def _description(folder: Path) -> str:
     """Short description of a folder of weights."""
     kinds = [path.name for path in sorted(folder.glob("*.pth"))]
-    if (folder / RECORD).is_file():
-        kinds.append(f"ONNX {Exported.read(folder).precision}")
+    if (folder / MANIFEST_FILE).is_file():
+        kinds.append(f"ONNX {Manifest.read(folder).precision}")
     elif any(folder.glob("*.onnx")):
         kinds.append("ONNX")
     return f"{folder} ({', '.join(kinds) or 'empty'})"
@@ -180,7 +180,9 @@ def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) ->
                 target = folder / (name or file.name)
                 if not (target.exists() and target.samefile(file)):
                     shutil.copyfile(file, Path(temporary, target.name))
-            for staged in sorted(Path(temporary).iterdir(), key=lambda path: path.name == RECORD):
+            for staged in sorted(
+                Path(temporary).iterdir(), key=lambda path: path.name == MANIFEST_FILE
+            ):
                 staged.replace(folder / staged.name)
     except OSError as error:
         raise output_error(folder, error) from error
@@ -190,7 +192,7 @@ def _check_folder(
     option: str, folder: Path, inputs: list[NamedPath], pictures: str | None = None
 ) -> None:
     """Refuse a folder in which the export would replace its own input."""
-    names = (*(f"{piece}.onnx" for piece in _PIECES), RECORD)
+    names = (*(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
     if pictures is None:
         check_apart(outputs, inputs)

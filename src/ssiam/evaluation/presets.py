@@ -11,7 +11,7 @@ from ssiam.errors import check_choice
 from ssiam.evaluation.eao import known_year
 from ssiam.evaluation.entries import Entry
 from ssiam.motion import KEYPOINTS
-from ssiam.runtime import PUBLISHED
+from ssiam.runtime import MODEL_ZOO
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS, TrackerName
 
@@ -101,8 +101,8 @@ def preset(
     names = [*_FREE, *(each for each in TRACKERS if each in weights)]
     chosen = [check_choice("tracker", each, TRACKERS) for each in trackers or names]
     missing = [
-        f"{theirs}: give --weights {name}=FILE; its authors publish {PUBLISHED[name].file} at "
-        f"{PUBLISHED[name].where}"
+        f"{theirs}: give --weights {name}=FILE; its authors publish {MODEL_ZOO[name].file} at "
+        f"{MODEL_ZOO[name].source}"
         for theirs, name in _TRACKERS.items()
         if name not in chosen
     ]

@@ -1,6 +1,6 @@
-"""The networks of SiamFC, SiamRPN++ and SiamMask in PyTorch, and their authors' weights.
+"""The networks of SiamFC, SiamRPN++, SiamMask and lite in PyTorch, and the authors' weights.
 
-This room alone needs torch: pip install 'ssiam[torch]'.
+Needs PyTorch: pip install 'ssiam[torch]'. Outside this package only `ssiam.training` imports it.
 """
 
 from ssiam.errors import MissingExtraError
@@ -14,20 +14,19 @@ except ModuleNotFoundError as error:
         "PyTorch is not installed, which these weights need: pip install 'ssiam[torch]'"
     ) from error
 
-from ssiam.networks.catalogue import NETWORKS, NetworkName, build_network
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.checkpoints import Checkpoint, read_checkpoint
-from ssiam.networks.export import write_onnx
-from ssiam.networks.graphs import (
+from ssiam.networks.export import (
     InferenceGraph,
     MaskGraph,
     RefineGraph,
     SearchGraph,
     TemplateGraph,
     inference_graphs,
+    write_onnx,
 )
-from ssiam.networks.runners import GraphRunner, runners
-from ssiam.networks.shapes import PieceShapes, piece_shapes
-from ssiam.networks.siamese import SiameseNetwork
+from ssiam.networks.registry import NETWORKS, NetworkName, build_network
+from ssiam.networks.runners import GraphRunner, PieceShapes, graph_runners, piece_shapes
 
 __all__ = [
     "NETWORKS",
@@ -42,9 +41,9 @@ __all__ = [
     "SiameseNetwork",
     "TemplateGraph",
     "build_network",
+    "graph_runners",
     "inference_graphs",
     "piece_shapes",
     "read_checkpoint",
-    "runners",
     "write_onnx",
 ]

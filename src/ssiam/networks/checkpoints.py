@@ -1,4 +1,4 @@
-"""Networks from the authors' checkpoint files (.pth), without running the code they may hold."""
+"""Networks from the authors' checkpoint files (.pth), without running code from the files."""
 
 from __future__ import annotations
 
@@ -16,23 +16,29 @@ import torch
 from torch import Tensor
 
 from ssiam.errors import WeightsError
-from ssiam.networks.catalogue import NETWORKS, NetworkName, build_network
-from ssiam.networks.recognition import COUNTERS, recognise
-from ssiam.networks.renaming import renamed
-from ssiam.networks.siamese import SiameseNetwork
+from ssiam.networks.base import SiameseNetwork
+from ssiam.networks.registry import NETWORKS, NetworkName, build_network
+from ssiam.networks.state_dicts import COUNTERS, recognize, rename_keys
 
-__all__ = ["Checkpoint", "load_weights", "read_checkpoint", "read_content", "read_tensors"]
+__all__ = [
+    "Checkpoint",
+    "network_from_state_dict",
+    "read_checkpoint",
+    "read_state_dict",
+    "read_torch_file",
+]
 
-_WRAPPERS: Final = ("state_dict", "model")  # keys under which training stores the weights
+_WRAPPERS: Final = ("state_dict", "model")  # keys under which training scripts store the weights
 
-# A training checkpoint's best accuracy may be a numpy scalar: these make numbers, nothing else.
+# Training checkpoints may hold NumPy scalars, such as the best accuracy. Unpickling these globals
+# only creates numbers.
 _SCALAR: Final = np.float64(0).__reduce__()[0]
 _NUMBERS: Final[list[Any]] = [
     *[(_SCALAR, f"numpy.{core}.multiarray.scalar") for core in ("core", "_core")],
     *[np.dtype, type(np.dtype(np.float64)), type(np.dtype(np.float32)), type(np.dtype(np.int64))],
 ]
 
-# What unpickling raises for bytes that are cut or altered depends on where they are.
+# What unpickling raises for truncated or altered bytes depends on their position.
 _DAMAGED: Final[tuple[type[Exception], ...]] = (
     *[AttributeError, EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError],
     *[UnpicklingError, struct.error],
@@ -40,7 +46,7 @@ _DAMAGED: Final[tuple[type[Exception], ...]] = (
 
 
 class Checkpoint(NamedTuple):
-    """A network and its name; it unpacks as (name, network).
+    """A network and its name, a tuple (name, network).
 
     Threads: a value; any number of threads may share it.
     """
@@ -52,9 +58,9 @@ class Checkpoint(NamedTuple):
 def read_checkpoint(path: Path) -> Checkpoint:
     """The network of a checkpoint file, on the CPU and ready for inference.
 
-    Which network it is is told from the weights. Taken are plain state dicts and those wrapped by
-    training, with or without `module.` before the names, in PyTorch's zip format and the one
-    before it, with the names of pysot, of foolwood's SiamMask, of siamfc-pytorch and of got-10k's
+    The network is recognized by the names and shapes of its weights. Accepted are state dicts and
+    training checkpoints that contain one, with or without the prefix `module.`, in PyTorch's zip
+    or legacy format, with the key names of pysot, foolwood's SiamMask, siamfc-pytorch or got-10k's
     older SiamFC. Code in the file is never run.
 
     Parameters
@@ -65,50 +71,54 @@ def read_checkpoint(path: Path) -> Checkpoint:
     Raises
     ------
     WeightsError
-        The file is missing, damaged, no checkpoint, or does not hold exactly the weights of one of
-        `NETWORKS`; counters of training may be absent.
+        The file is missing, damaged or not a checkpoint, or its weights are not exactly those of
+        one of `NETWORKS`. Only `num_batches_tracked` may be absent.
     """
-    with _named(path):
-        return load_weights(_weights(_content(path)))
+    with _file_in_messages(path):
+        return network_from_state_dict(_state_dict(_read_content(path)))
 
 
-def read_tensors(path: Path) -> dict[str, Tensor]:
-    """The tensors of any network's checkpoint file by their names; errors as `read_checkpoint`."""
-    with _named(path):
-        return _weights(_content(path))
+def read_state_dict(path: Path) -> dict[str, Tensor]:
+    """The tensors of any network's checkpoint file, by name.
 
-
-def read_content(path: Path) -> Any:
-    """Whatever a file of PyTorch holds: tensors, numbers, text and containers, and never code.
-
-    Raises `WeightsError` if it is missing, damaged or none.
+    Raises `WeightsError` if the file is missing, damaged or not a checkpoint.
     """
-    with _named(path):
-        return _content(path)
+    with _file_in_messages(path):
+        return _state_dict(_read_content(path))
 
 
-def load_weights(weights: Mapping[str, Tensor]) -> Checkpoint:
+def read_torch_file(path: Path) -> Any:
+    """The content of a PyTorch file: tensors, numbers, text and containers, never code.
+
+    Raises `WeightsError` if the file is missing, damaged or not a PyTorch file.
+    """
+    with _file_in_messages(path):
+        return _read_content(path)
+
+
+def network_from_state_dict(weights: Mapping[str, Tensor]) -> Checkpoint:
     """The network that has exactly these weights; `num_batches_tracked` may be absent.
 
-    Raises `WeightsError`, its text without a subject, if there is none.
+    Raises `WeightsError` if there is none. Its message starts with the verb, for a caller that
+    adds the subject.
     """
-    ours = renamed(weights)
-    difference = recognise({key: tuple(value.shape) for key, value in ours.items()})
+    ours = rename_keys(weights)
+    difference = recognize({key: tuple(value.shape) for key, value in ours.items()})
     if difference.network is None:
         raise WeightsError(
-            f"are of no network known here ({difference}): "
+            f"are not those of a known network ({difference}): "
             f"give the authors' checkpoint of one of {', '.join(NETWORKS)}"
         )
-    if not difference.is_none:
+    if not difference.is_empty:
         raise WeightsError(
-            f"are not quite those of {difference.network}, the nearest network ({difference}): "
+            f"differ from those of {difference.network}, the nearest network ({difference}): "
             "give the authors' own file of that network"
         )
-    return Checkpoint(difference.network, _loaded(difference.network, ours))
+    return Checkpoint(difference.network, _build_with(difference.network, ours))
 
 
-def _loaded(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetwork:
-    with torch.device("meta"):  # no time for random weights that are replaced at once
+def _build_with(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetwork:
+    with torch.device("meta"):  # the random weights would be replaced immediately
         network = build_network(name)
     counters = {key: torch.tensor(0) for key in network.state_dict() if key.endswith(COUNTERS)}
     floats = {key: value.float() for key, value in weights.items() if not key.endswith(COUNTERS)}
@@ -117,16 +127,16 @@ def _loaded(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetwork:
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Puts the file in front of the errors' text."""
+def _file_in_messages(path: Path) -> Iterator[None]:
+    """Put the file in front of the message of a `WeightsError`."""
     try:
         yield
     except WeightsError as error:
         raise WeightsError(f"weights {path} {error}") from error
 
 
-def _check_start(path: Path) -> None:
-    """Refuse what the first bytes already show to be no checkpoint."""
+def _check_first_bytes(path: Path) -> None:
+    """Refuse a file that cannot be a checkpoint by its first bytes."""
     if path.is_dir():
         raise WeightsError("are a folder: give the .pth file in it")
     if not path.is_file():
@@ -150,7 +160,7 @@ def _check_start(path: Path) -> None:
 
 
 def _check_archive(path: Path) -> None:
-    if not zipfile.is_zipfile(path):  # its table of contents is at the end
+    if not zipfile.is_zipfile(path):  # the end of the file, with its directory, is missing
         raise _damaged(path)
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
@@ -161,9 +171,9 @@ def _check_archive(path: Path) -> None:
         )
 
 
-def _content(path: Path) -> Any:
-    """Whatever the file holds, as long as it is tensors, numbers, text and containers."""
-    _check_start(path)
+def _read_content(path: Path) -> Any:
+    """The content of a file of tensors, numbers, text and containers."""
+    _check_first_bytes(path)
     try:
         with torch.serialization.safe_globals(_NUMBERS):
             return torch.load(path, map_location="cpu", weights_only=True)
@@ -171,8 +181,8 @@ def _content(path: Path) -> Any:
         code = re.search(r"GLOBAL ([\w.]+)\s", str(error))
         if code:
             raise WeightsError(
-                f"hold code ({code[1]}) and were not loaded, for loading would run it: "
-                "save the state dict alone, network.state_dict(), where you trust the file"
+                f"hold code ({code[1]}) and were not loaded, because loading would run it: "
+                "if you trust the file, save only its state dict, network.state_dict()"
             ) from error
         raise _damaged(path) from error
 
@@ -182,8 +192,8 @@ def _damaged(path: Path) -> WeightsError:
     return WeightsError(f"are damaged or cut short ({size} bytes): download the file again")
 
 
-def _weights(content: Any) -> dict[str, Tensor]:
-    """The tensors of a state dict, out of the wrapper that training puts around it."""
+def _state_dict(content: Any) -> dict[str, Tensor]:
+    """The tensors of a state dict, or of a training checkpoint that contains one."""
     for wrapper in _WRAPPERS:
         if isinstance(content, Mapping) and isinstance(content.get(wrapper), Mapping):
             content = content[wrapper]
@@ -192,7 +202,7 @@ def _weights(content: Any) -> dict[str, Tensor]:
     weights = {str(key): value for key, value in content.items() if isinstance(value, Tensor)}
     if not weights:
         raise WeightsError(
-            f"hold no weights by name, only {', '.join(map(str, list(content)[:3])) or 'nothing'}: "
+            f"hold no named weights, only {', '.join(map(str, list(content)[:3])) or 'nothing'}: "
             "give the authors' .pth file of the network"
         )
     return weights

@@ -1,8 +1,8 @@
-"""Cross-correlation of search features with a template, the heart of the Siamese trackers.
+"""Cross-correlation of search features with a template.
 
-The template is an input of the network, so a plain convolution would have a weight that is not
-constant, which TensorRT's parser rejects. Each correlation therefore has two forms of equal value:
-a convolution, quick in PyTorch, and a sum of shifted slices, which every runtime takes.
+The template is an input of the network, so a convolution with it has weights that are not constant,
+which TensorRT's parser rejects. Each correlation therefore has two equivalent forms: a convolution,
+which is faster in PyTorch, and a sum of shifted slices, which every runtime accepts.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from torch import Tensor, nn
 
 __all__ = [
     "CorrelationHead",
-    "added",
     "correlate",
     "correlate_all",
     "correlate_all_sliced",
     "correlate_sliced",
+    "sum_tensors",
 ]
 
 _HIDDEN = 256  # channels of template, search and correlation (pysot)
@@ -48,9 +48,9 @@ def correlate(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 def correlate_sliced(search: Tensor, kernel: Tensor) -> Tensor:
-    """What `correlate` returns, as k * k shifted slices of `search`, weighted and added."""
-    rows, columns, side = _valid(search, kernel)
-    return added(
+    """The value of `correlate`, as a weighted sum of k * k shifted slices of `search`."""
+    rows, columns, side = _sizes(search, kernel)
+    return sum_tensors(
         [
             search[:, :, i : i + rows, j : j + columns] * kernel[:, :, i : i + 1, j : j + 1]
             for i in range(side)
@@ -60,7 +60,7 @@ def correlate_sliced(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 def correlate_all(search: Tensor, kernel: Tensor) -> Tensor:
-    """All channels of `search` correlated with those of `kernel` and added, without padding.
+    """Sum over the channels of `search` correlated with those of `kernel`, without padding.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ def correlate_all(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 def correlate_all_sliced(search: Tensor, kernel: Tensor) -> Tensor:
-    """What `correlate_all` returns, as one matrix product and k * k shifted slices of it."""
-    rows, columns, side = _valid(search, kernel)
+    """The value of `correlate_all`, as the sum of k * k shifted slices of one matrix product."""
+    rows, columns, side = _sizes(search, kernel)
     taps = kernel[0].flatten(1).transpose(0, 1)  # (k * k, C)
     products = torch.matmul(taps, search.flatten(2))  # (N, k * k, H * W)
     maps = products.reshape(-1, side * side, *search.shape[-2:])
-    return added(
+    return sum_tensors(
         [
             maps[:, i * side + j : i * side + j + 1, i : i + rows, j : j + columns]
             for i in range(side)
@@ -93,19 +93,19 @@ def correlate_all_sliced(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 class CorrelationHead(nn.Module):
-    """Maps of one kind from template and search features: pysot's DepthwiseXCorr.
+    """Response maps from template and search features: pysot's DepthwiseXCorr.
 
     Parameters
     ----------
     out_channels : int
-        Channels of the maps: 2 an anchor for scores, 4 an anchor for boxes, 63 * 63 for masks.
+        Channels of the maps: 2 per anchor for scores, 4 per anchor for boxes, 63 * 63 for masks.
     """
 
     def __init__(self, out_channels: int) -> None:
         super().__init__()
-        self.conv_kernel = _convolved(3)
-        self.conv_search = _convolved(3)
-        self.head = nn.Sequential(*_convolved(1), nn.Conv2d(_HIDDEN, out_channels, 1))
+        self.conv_kernel = _conv_norm_relu(3)
+        self.conv_search = _conv_norm_relu(3)
+        self.head = nn.Sequential(*_conv_norm_relu(1), nn.Conv2d(_HIDDEN, out_channels, 1))
 
     def kernel(self, template: Tensor) -> Tensor:
         """Kernel (1, 256, k - 2, k - 2) of template features (1, 256, k, k)."""
@@ -127,7 +127,7 @@ class CorrelationHead(nn.Module):
         return self.maps(self.correlation(search, kernel, sliced=sliced))
 
 
-def _convolved(side: int) -> nn.Sequential:
+def _conv_norm_relu(side: int) -> nn.Sequential:
     return nn.Sequential(
         nn.Conv2d(_HIDDEN, _HIDDEN, side, bias=False),
         nn.BatchNorm2d(_HIDDEN),
@@ -135,14 +135,14 @@ def _convolved(side: int) -> nn.Sequential:
     )
 
 
-def _valid(search: Tensor, kernel: Tensor) -> tuple[int, int, int]:
-    """Rows and columns of the correlation, and the kernel's side."""
+def _sizes(search: Tensor, kernel: Tensor) -> tuple[int, int, int]:
+    """Rows and columns of the correlation without padding, and the kernel's side."""
     side = int(kernel.shape[-1])
     return int(search.shape[-2]) - side + 1, int(search.shape[-1]) - side + 1, side
 
 
-def added(terms: Sequence[Tensor]) -> Tensor:
-    """Sum of tensors of one shape."""
+def sum_tensors(terms: Sequence[Tensor]) -> Tensor:
+    """Sum of tensors of the same shape, added in order."""
     total = terms[0]
     for term in terms[1:]:
         total = total + term

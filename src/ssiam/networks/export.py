@@ -1,4 +1,8 @@
-"""Pieces of a network as ONNX files."""
+"""Networks in pieces for inference, and the pieces as ONNX files.
+
+A piece takes and returns tensors only. `template` runs once per target, `search` once per frame,
+and `refine` or `mask` for the one cell whose mask is wanted.
+"""
 
 from __future__ import annotations
 
@@ -6,33 +10,176 @@ import warnings
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TypeAlias
 
 import torch
+from torch import Tensor, nn
 
 from ssiam.errors import MissingExtraError
+from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.box_mask import BoxMaskNetwork
-from ssiam.networks.graphs import InferenceGraph, LowerGraph
+from ssiam.networks.siammask import SiamMask, SiamMaskBase
 
-__all__ = ["write_onnx"]
+__all__ = [
+    "BackboneGraph",
+    "InferenceGraph",
+    "MaskGraph",
+    "RefineGraph",
+    "SearchGraph",
+    "TemplateGraph",
+    "inference_graphs",
+    "write_onnx",
+]
+
+
+class TemplateGraph(nn.Module):
+    """Template crop (1, 3, 127, 127) -> kernels, named as the network's `kernel_names`.
+
+    Threads: inference may run in any number at once, training in one.
+    """
+
+    input_names: tuple[str, ...] = ("template_crop",)
+
+    def __init__(self, network: SiameseNetwork) -> None:
+        super().__init__()
+        self.network = network
+        self.output_names = network.kernel_names
+
+    def forward(self, crop: Tensor) -> tuple[Tensor, ...]:
+        """Kernels of a template crop."""
+        return self.network.template(crop)
+
+
+class SearchGraph(nn.Module):
+    """Search crop and kernels -> responses, named as the network's `response_names`.
+
+    Threads: inference may run in any number at once, training in one.
+
+    Parameters
+    ----------
+    network : SiameseNetwork
+    sliced : bool
+        Compute correlations as sums of slices, which every runtime accepts. Otherwise they are
+        convolutions whose weights are inputs, which are faster in PyTorch.
+    """
+
+    def __init__(self, network: SiameseNetwork, *, sliced: bool = True) -> None:
+        super().__init__()
+        self.network = network
+        self.input_names = ("search_crop", *network.kernel_names)
+        self.output_names = network.response_names
+        self._sliced = sliced
+
+    def forward(self, crop: Tensor, *kernels: Tensor) -> tuple[Tensor, ...]:
+        """Responses of a search crop to the kernels."""
+        return self.network.search(crop, kernels, sliced=self._sliced)
+
+
+class MaskGraph(nn.Module):
+    """Correlation (1, 256, n, n) -> mask logits (1, 3969, n, n), 63 x 63 per cell; n may be 1.
+
+    Threads: inference may run in any number at once, training in one.
+    """
+
+    input_shapes = ((1, 256, 1, 1),)
+
+    input_names: tuple[str, ...] = ("corr",)
+    output_names: tuple[str, ...] = ("logits",)
+
+    def __init__(self, network: SiamMaskBase) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, corr: Tensor) -> Tensor:
+        """Mask logits of the cells of a correlation."""
+        return self.network.masks(corr)
+
+
+class RefineGraph(nn.Module):
+    """Patches of the search features around one cell -> mask logits (1, 16129), 127 x 127.
+
+    Threads: inference may run in any number at once, training in one.
+
+    The patches are x0 (1, 64, 61, 61), p1 (1, 256, 31, 31), p2 (1, 512, 15, 15) and corr
+    (1, 256, 1, 1); `ssiam.trackers.mask_windows` cuts them out.
+    """
+
+    input_shapes = ((1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15), (1, 256, 1, 1))
+
+    input_names: tuple[str, ...] = ("x0", "p1", "p2", "corr")
+    output_names: tuple[str, ...] = ("logits",)
+
+    def __init__(self, network: SiamMask) -> None:
+        super().__init__()
+        self.refine = network.refine_head
+
+    def forward(self, x0: Tensor, p1: Tensor, p2: Tensor, corr: Tensor) -> Tensor:
+        """Mask logits of the cell."""
+        logits: Tensor = self.refine(x0, p1, p2, corr)
+        return logits
+
+
+class BackboneGraph(nn.Module):
+    """Crop (1, 3, S, S) -> the first levels of a backbone, which training runs frozen.
+
+    Parameters
+    ----------
+    backbone : EfficientNetLite0
+    count : int
+        Number of levels, 1 to 3.
+    """
+
+    input_names: tuple[str, ...] = ("crop",)
+
+    def __init__(self, backbone: EfficientNetLite0, count: int) -> None:
+        super().__init__()
+        self.backbone = backbone
+        self._count = count
+        self.output_names = tuple(f"level{number}" for number in range(count))
+
+    def forward(self, crop: Tensor) -> tuple[Tensor, ...]:
+        """The levels of a crop."""
+        return tuple(self.backbone.lower(crop, self._count))
+
+
+InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph
+
+
+def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[str, InferenceGraph]:
+    """The pieces of a network by name: template, search, and refine or mask for a SiamMask.
+
+    `sliced` is passed to `SearchGraph`.
+    """
+    graphs: dict[str, InferenceGraph] = {
+        "template": TemplateGraph(network),
+        "search": SearchGraph(network, sliced=sliced),
+    }
+    if isinstance(network, SiamMask):
+        graphs["refine"] = RefineGraph(network)
+    elif isinstance(network, SiamMaskBase):
+        graphs["mask"] = MaskGraph(network)
+    return graphs
 
 
 def write_onnx(
-    graph: InferenceGraph | LowerGraph | BoxMaskNetwork,
+    graph: InferenceGraph | BackboneGraph | BoxMaskNetwork,
     input_shapes: Sequence[tuple[int, ...]],
     path: Path,
     *,
     opset: int,
 ) -> None:
-    """Write a piece with inputs of fixed shapes.
+    """Write a piece as an ONNX file with inputs of fixed shapes.
 
     Parameters
     ----------
-    graph : InferenceGraph, LowerGraph or BoxMaskNetwork
-        Its correlations sliced, so that every runtime takes the file.
+    graph : InferenceGraph, BackboneGraph or BoxMaskNetwork
+        A `SearchGraph` must be sliced, so that every runtime accepts the file.
     input_shapes : sequence of tuple of int
+        In the order of `graph.input_names`.
     path : Path
     opset : int
-        Version of ONNX's set of operators.
+        Version of the ONNX operator set.
 
     Raises
     ------
@@ -43,16 +190,16 @@ def write_onnx(
     """
     if find_spec("onnx") is None:
         raise MissingExtraError(
-            "the package onnx is not installed, which writes networks as ONNX: "
+            "the package onnx is not installed, which export to ONNX needs: "
             "pip install 'ssiam[torch]'"
         )
     with warnings.catch_warnings(), torch.inference_mode():
-        warnings.simplefilter("ignore")  # of tracing, which is right for fixed shapes
+        warnings.simplefilter("ignore")  # tracing warns about shapes, which are fixed here
         torch.onnx.export(
             graph.eval(),
             tuple(map(torch.zeros, input_shapes)),
             str(path),
-            dynamo=False,  # the other exporter needs two packages more
+            dynamo=False,  # the other exporter needs two more packages
             opset_version=opset,
             input_names=list(graph.input_names),
             output_names=list(graph.output_names),

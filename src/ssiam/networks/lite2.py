@@ -1,11 +1,11 @@
-"""The second network of `lite`: NanoTrack v3's, with attention between template and search region.
+"""The second network of `lite`: NanoTrack v3 with attention between template and search region.
 
-Correlation compares parts of the template with parts of the search region; it cannot compare the
-parts of the search region with each other, which is what tells two of a kind apart. Here every
-cell of the search region attends to the template, to a recent template, and to the search region
-before it is correlated (as in HCAT, Chen et al., ECCV Workshops 2022, and MixFormerV2, Cui et al.,
-NeurIPS 2023, whose template does not attend to the search region either, so that it is computed
-once). Every addition begins with zero weights: the untrained network is NanoTrack v3.
+Correlation compares the template with the search region. It cannot compare the parts of the search
+region with each other, which is needed to distinguish the target from distractors. Here every cell
+of the search region attends to the template, to a recent template and to the search region before
+the correlation, as in HCAT (Chen et al., ECCV Workshops 2022) and MixFormerV2 (Cui et al., NeurIPS
+2023). As in these, the template does not attend to the search region, so it is computed once. The
+attention blocks start with zero weights: the untrained network is NanoTrack v3.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.nanotrack import (
     WIDTH,
     NanoBackbone,
     NanoHead,
     NanoKernels,
 )
-from ssiam.networks.siamese import SiameseNetwork
 
 __all__ = ["ATTENTION_BLOCKS", "CELLS", "STRIDE", "Lite2Network", "Lite2Responses"]
 
 STRIDE: Final = 16  # px of the search crop between cells
-CELLS: Final = 15  # a side, of the response maps
+CELLS: Final = 15  # per side of the response maps
 ATTENTION_BLOCKS: Final = 2
 
 _HEADS: Final = 4
-_WIDENED: Final = 2  # hidden channels of a feed-forward layer, for each of its inputs
-_TEMPLATE: Final = 8  # cells a side of a template's features
-_SEARCH: Final = 16  # cells a side of a search crop's features
-_POOLED: Final = 2  # cells a side that make one key of the search region
-_POSITION: Final = 0.02  # standard deviation of the position embeddings at first
+_EXPANSION: Final = 2  # hidden channels of a feed-forward layer per input channel
+_TEMPLATE: Final = 8  # cells per side of a template's features
+_SEARCH: Final = 16  # cells per side of a search crop's features
+_POOLED: Final = 2  # cells per side that are averaged to a key of the search region
+_POSITION: Final = 0.02  # initial standard deviation of the position embeddings
 
 
 class Lite2Responses(NamedTuple):
@@ -45,7 +45,7 @@ class Lite2Responses(NamedTuple):
     Attributes
     ----------
     score : (N, 1, 15, 15)
-        Logits: the cell lies on the target.
+        Logits: the cell is on the target.
     quality : (N, 1, 15, 15)
         Logits of the overlap (IoU) of the cell's box with the target.
     distances : (N, 4, 15, 15)
@@ -58,15 +58,15 @@ class Lite2Responses(NamedTuple):
 
 
 class Lite2Network(SiameseNetwork):
-    """Scores, box distances and their quality.
+    """Score, box distances and box quality.
 
-    Crops are BGR in 0..255, float32. The center of cell (row, column) lies at ((column - 7) * 16,
-    (row - 7) * 16) px from the search crop's middle pixel.
+    Crops are BGR in 0..255, float32. The center of cell (row, column) is at ((column - 7) * 16,
+    (row - 7) * 16) px from the center of the search crop.
 
     Parameters
     ----------
     attention : int
-        Number of attention blocks; 0: correlation alone.
+        Number of attention blocks; with 0 there is only the correlation.
     """
 
     kernel_names = (*NanoKernels._fields, "context")
@@ -84,8 +84,8 @@ class Lite2Network(SiameseNetwork):
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
         """Kernels and context of a template crop (N, 3, 127, 127).
 
-        Returns those of `NanoKernels`, and the context (N, A, 2, 96, 64): keys and values of every
-        cell in each of A attention blocks.
+        The kernels are those of `NanoKernels`. The context (N, A, 2, 96, 64) holds the keys and
+        values of every cell for each of A attention blocks.
         """
         return self.kernels(self.backbone(crop)[1])
 
@@ -97,10 +97,10 @@ class Lite2Network(SiameseNetwork):
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> Lite2Responses:
-        """Responses of a search crop (N, 3, 255, 255); `sliced` makes no difference.
+        """Responses of a search crop (N, 3, 255, 255); `sliced` has no effect.
 
-        `kernels` are those of `template`, and perhaps the context of a recent template behind
-        them; without, the first one counts as recent.
+        `kernels` are the output of `template`, optionally followed by the context of a recent
+        template. Without one, the first template's context takes its place.
         """
         return self.responses(self.backbone(crop)[1], kernels)
 
@@ -108,14 +108,14 @@ class Lite2Network(SiameseNetwork):
         """Responses of a search crop's features (N, 96, 16, 16)."""
         *correlated, context = kernels[: len(self.kernel_names)]
         recent = kernels[len(self.kernel_names)] if len(kernels) > len(self.kernel_names) else None
-        related = self.relation(features, context, context if recent is None else recent)
-        seen = self.head(NanoKernels(*correlated), related)
-        score = seen.score[:, 1:] - seen.score[:, :1]
-        return Lite2Responses(score, self.quality(seen.tower), seen.distances)
+        attended = self.relation(features, context, context if recent is None else recent)
+        responses = self.head(NanoKernels(*correlated), attended)
+        score = responses.score[:, 1:] - responses.score[:, :1]
+        return Lite2Responses(score, self.quality(responses.tower), responses.distances)
 
 
 class _Relation(nn.Module):
-    """Attention blocks that add to features at stride 16 what their surroundings tell of them."""
+    """Attention blocks on features at stride 16."""
 
     def __init__(self, blocks: int) -> None:
         super().__init__()
@@ -135,17 +135,17 @@ class _Relation(nn.Module):
 
     def forward(self, features: Tensor, context: Tensor, recent: Tensor) -> Tensor:
         """Features (N, 96, 16, 16) after attention to two templates and to themselves."""
-        place = self.in_search
+        position = self.in_search
         for number, block in enumerate(self.blocks):
-            features = block(features, place, context[:, number], recent[:, number])
+            features = block(features, position, context[:, number], recent[:, number])
         return features
 
 
 class _Block(nn.Module):
-    """Attention and a feed-forward layer, each added to what came in; both begin with zeros.
+    """Residual attention and feed-forward layer; the residuals are zero before training.
 
     There is no layer normalization: the features have a fixed scale, and over channels it would
-    take as long as all the rest of the block.
+    take as long as the rest of the block.
     """
 
     def __init__(self) -> None:
@@ -154,25 +154,25 @@ class _Block(nn.Module):
         self.key = nn.Conv2d(WIDTH, WIDTH, 1)
         self.value = nn.Conv2d(WIDTH, WIDTH, 1)
         self.recent_key = nn.Parameter(torch.zeros(WIDTH, 1))
-        self.out = _silent(nn.Conv2d(WIDTH, WIDTH, 1))
-        self.widen = nn.Conv2d(WIDTH, _WIDENED * WIDTH, 1)
-        self.narrow = _silent(nn.Conv2d(_WIDENED * WIDTH, WIDTH, 1))
+        self.out = _zero_init(nn.Conv2d(WIDTH, WIDTH, 1))
+        self.widen = nn.Conv2d(WIDTH, _EXPANSION * WIDTH, 1)
+        self.narrow = _zero_init(nn.Conv2d(_EXPANSION * WIDTH, WIDTH, 1))
 
     def template(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
-        """Features (N, 96, 8, 8) of a template after the block, and their keys and values."""
+        """Features (N, 96, 8, 8) of a template after the block, and its keys and values."""
         key, value = self._key_value(features, position)
-        after = self._attended(features, position, key, value)
-        return after, torch.stack([key, value], dim=1)
+        attended = self._attend(features, position, key, value)
+        return attended, torch.stack([key, value], dim=1)
 
     def forward(self, features: Tensor, position: Tensor, first: Tensor, recent: Tensor) -> Tensor:
         """Features (N, 96, 16, 16) of a search region after the block.
 
-        `first` and `recent` (N, 2, 96, 64) are keys and values of two templates.
+        `first` and `recent` (N, 2, 96, 64) are the keys and values of two templates.
         """
         key, value = self._key_value(_pooled(features), _pooled(position))
         key = torch.cat([first[:, 0], recent[:, 0] + self.recent_key, key], dim=2)
         value = torch.cat([first[:, 1], recent[:, 1], value], dim=2)
-        return self._attended(features, position, key, value)
+        return self._attend(features, position, key, value)
 
     def _key_value(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
         """Keys and values (N, 96, n * n) of features (N, 96, n, n)."""
@@ -180,11 +180,11 @@ class _Block(nn.Module):
         value: Tensor = self.value(features)
         return key.flatten(2), value.flatten(2)
 
-    def _attended(self, features: Tensor, position: Tensor, key: Tensor, value: Tensor) -> Tensor:
+    def _attend(self, features: Tensor, position: Tensor, key: Tensor, value: Tensor) -> Tensor:
         query = self.query(features) + position
         features = features + self.out(_attention(query, key, value))
-        added: Tensor = self.narrow(F.hardswish(self.widen(features)))
-        return features + added
+        residual: Tensor = self.narrow(F.hardswish(self.widen(features)))
+        return features + residual
 
 
 def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
@@ -192,10 +192,10 @@ def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
 
     Queries (N, 96, n, n); keys and values (N, 96, K).
     """
-    each = WIDTH // _HEADS
-    queries = query.reshape(-1, _HEADS, each, query.shape[2] * query.shape[3])
-    keys, values = (part.reshape(-1, _HEADS, each, part.shape[2]) for part in (key, value))
-    weights = torch.softmax(queries.transpose(2, 3) @ keys * each**-0.5, dim=3)
+    channels = WIDTH // _HEADS
+    queries = query.reshape(-1, _HEADS, channels, query.shape[2] * query.shape[3])
+    keys, values = (part.reshape(-1, _HEADS, channels, part.shape[2]) for part in (key, value))
+    weights = torch.softmax(queries.transpose(2, 3) @ keys * channels**-0.5, dim=3)
     return (values @ weights.transpose(2, 3)).reshape(query.shape)
 
 
@@ -207,7 +207,7 @@ def _position(side: int) -> nn.Parameter:
     return nn.Parameter(torch.randn(1, WIDTH, side, side) * _POSITION)
 
 
-def _silent(layer: nn.Conv2d) -> nn.Conv2d:
+def _zero_init(layer: nn.Conv2d) -> nn.Conv2d:
     nn.init.zeros_(layer.weight)
     nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
     return layer

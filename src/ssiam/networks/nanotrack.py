@@ -1,11 +1,11 @@
-"""NanoTrack v3's network in PyTorch, under the names of its checkpoint, to train on from there.
+"""NanoTrack v3's network in PyTorch, with the parameter names of its checkpoint, for fine-tuning.
 
 The architecture and the weights are the authors' (github.com/HonglinChu/SiamTrackers,
 Apache-2.0): a thin MobileNetV3 (Howard et al., ICCV 2019) that ends at stride 16, and an
-anchor-free head (SiamBAN, Chen et al., CVPR 2020) over a pixel-wise and a depthwise correlation.
-Crops are BGR in 0..255; the network was trained without any other normalization. Its batch
-normalizations are folded into the convolutions before them (`folded`), which saves a fifth of a
-training step: they keep their statistics anyway.
+anchor-free head (SiamBAN, Chen et al., CVPR 2020) on a pixel-wise and a depthwise correlation.
+Crops are BGR in 0..255 without further normalization. Batch normalizations are folded into the
+preceding convolutions (`fold_batch_norms`), because their statistics stay fixed; this saves a fifth
+of a training step.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ __all__ = [
     "NanoHead",
     "NanoKernels",
     "NanoResponses",
-    "folded",
+    "fold_batch_norms",
 ]
 
 WIDTH: Final = 96  # channels of the features at stride 16
 
 _STEM: Final = 16  # channels at stride 2
-_KERNEL_SIDE: Final = 8  # cells of the template's features
-_CORE: Final = slice(2, 6)  # of them: the middle 4 x 4, the kernel of the depthwise correlation
-_EPSILON: Final = 1e-5  # of PyTorch's batch normalization
+_KERNEL_SIDE: Final = 8  # cells per side of a template's features
+_CORE: Final = slice(2, 6)  # the central 4 x 4 of them, kernel of the depthwise correlation
+_EPSILON: Final = 1e-5  # PyTorch's default for batch normalization
 _TOWER: Final = 6  # pairs of a depthwise and a pointwise convolution
 
 
 class _Block(NamedTuple):
-    """An inverted residual block: kernel side, widened and output channels, stride."""
+    """An inverted residual block."""
 
-    kernel: int
-    wide: int
-    channels: int
+    kernel: int  # side
+    hidden: int  # channels after expansion
+    channels: int  # of the output
     stride: int
-    squeezed: int  # channels of its squeeze-and-excitation; 0: it has none
-    hard: bool  # h-swish, else ReLU
+    squeezed: int  # channels of the squeeze-and-excitation layer; 0: none
+    hard_swish: bool  # otherwise ReLU
 
 
 _BLOCKS: Final = (
@@ -57,16 +57,16 @@ _BLOCKS: Final = (
     _Block(5, 144, 48, 1, 40, True),
     _Block(5, 288, 96, 1, 72, True),
 )
-_LOWER: Final = 4  # entries of `features` up to stride 8
+_LOWER: Final = 4  # modules of `features` up to stride 8
 
 
 class NanoKernels(NamedTuple):
-    """What the head takes from a template.
+    """Kernels of a template.
 
     Attributes
     ----------
     pixels_box, pixels_score : (N, 64, 96)
-        Kernels of the pixel-wise correlation, one for each cell of the template.
+        Kernels of the pixel-wise correlation, one per cell of the template.
     core_box, core_score : (N, 96, 4, 4)
         Kernels of the depthwise correlation.
     """
@@ -78,7 +78,7 @@ class NanoKernels(NamedTuple):
 
 
 class NanoResponses(NamedTuple):
-    """What the head makes of a search crop, on 15 x 15 cells that are 16 px apart.
+    """Responses of a search crop on 15 x 15 cells of 16 px.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class NanoResponses(NamedTuple):
     distances : (N, 4, 15, 15)
         From the cell's center to the target's left, top, right and bottom, px of the crop.
     tower : (N, 96, 15, 15)
-        Features that the distances are computed from.
+        Features from which the distances are computed.
     """
 
     score: Tensor
@@ -95,30 +95,31 @@ class NanoResponses(NamedTuple):
     tower: Tensor
 
 
-def folded(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Weights by name, every batch normalization folded into the convolution before it.
+def fold_batch_norms(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weights by name, with every batch normalization folded into the preceding convolution.
 
-    The name of a normalization ends with the number that follows the convolution's.
+    A normalization is recognized by its `running_mean`. Its name ends with a number, which is that
+    of the convolution plus 1.
     """
-    found = dict(weights)
+    result = dict(weights)
     for name in weights:
         if not name.endswith(".running_mean"):
             continue
         norm = name.removesuffix(".running_mean")
-        before, dot, number = norm.rpartition(".")
-        convolution = f"{before}{dot}{int(number) - 1}"
+        parent, dot, number = norm.rpartition(".")
+        convolution = f"{parent}{dot}{int(number) - 1}"
         scale, shift, mean, variance = (
-            found.pop(f"{norm}.{part}")
+            result.pop(f"{norm}.{part}")
             for part in ("weight", "bias", "running_mean", "running_var")
         )
-        found.pop(f"{norm}.num_batches_tracked", None)
+        result.pop(f"{norm}.num_batches_tracked", None)
         factor = scale / torch.sqrt(variance + _EPSILON)
-        bias = found.get(f"{convolution}.bias", torch.zeros_like(mean))
-        found[f"{convolution}.weight"] = (
-            found[f"{convolution}.weight"] * factor[:, None, None, None]
+        bias = result.get(f"{convolution}.bias", torch.zeros_like(mean))
+        result[f"{convolution}.weight"] = (
+            result[f"{convolution}.weight"] * factor[:, None, None, None]
         )
-        found[f"{convolution}.bias"] = (bias - mean) * factor + shift
-    return found
+        result[f"{convolution}.bias"] = (bias - mean) * factor + shift
+    return result
 
 
 class NanoBackbone(nn.Module):
@@ -151,17 +152,17 @@ class NanoBackbone(nn.Module):
         return fine
 
     def upper(self, fine: Tensor) -> Tensor:
-        """Features at stride 16 of those at stride 8."""
+        """Features at stride 16, computed from those at stride 8."""
         coarse: Tensor = self.features[_LOWER:](fine)
         return coarse
 
-    def upper_weights(self) -> list[nn.Parameter]:
-        """The parameters behind stride 8."""
+    def upper_parameters(self) -> list[nn.Parameter]:
+        """Parameters of the layers after stride 8."""
         return list(self.features[_LOWER:].parameters())
 
 
 class NanoHead(nn.Module):
-    """Correlation of template and search features, and two towers over it."""
+    """Correlation of template and search features, then towers for boxes and scores."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -212,45 +213,46 @@ class NanoHead(nn.Module):
 
 
 class _InvertedResidual(nn.Module):
-    """Widen, filter, weigh the channels, narrow; MobileNetV3's block.
+    """MobileNetV3's block: expansion, depthwise convolution, squeeze-and-excitation, projection.
 
-    The first block does not widen, and has its weighing after the nonlinearity; the others before.
+    The first block has no expansion, and its squeeze-and-excitation follows the activation; in the
+    others it precedes the activation.
     """
 
     def __init__(self, channels: int, block: _Block) -> None:
         super().__init__()
-        filtered = nn.Conv2d(
-            block.wide,
-            block.wide,
+        depthwise = nn.Conv2d(
+            block.hidden,
+            block.hidden,
             block.kernel,
             stride=block.stride,
             padding=block.kernel // 2,
-            groups=block.wide,
+            groups=block.hidden,
         )
-        narrow = nn.Conv2d(block.wide, block.channels, 1)
-        weighed = _Excitation(block.wide, block.squeezed) if block.squeezed else nn.Identity()
-        if channels == block.wide:
-            layers = [filtered, nn.Identity(), _active(block), weighed]
+        projection = nn.Conv2d(block.hidden, block.channels, 1)
+        excitation = _Excitation(block.hidden, block.squeezed) if block.squeezed else nn.Identity()
+        if channels == block.hidden:
+            layers = [depthwise, nn.Identity(), _activation(block), excitation]
         else:
             layers = [
-                nn.Conv2d(channels, block.wide, 1),
+                nn.Conv2d(channels, block.hidden, 1),
                 nn.Identity(),
-                _active(block),
-                filtered,
+                _activation(block),
+                depthwise,
                 nn.Identity(),
-                weighed,
-                _active(block),
+                excitation,
+                _activation(block),
             ]
-        self.conv = nn.Sequential(*layers, narrow)
-        self._adds = block.stride == 1 and channels == block.channels
+        self.conv = nn.Sequential(*layers, projection)
+        self._residual = block.stride == 1 and channels == block.channels
 
     def forward(self, features: Tensor) -> Tensor:
         out: Tensor = self.conv(features)
-        return features + out if self._adds else out
+        return features + out if self._residual else out
 
 
 class _Excitation(nn.Module):
-    """Every channel times a factor that the means of all channels decide."""
+    """Squeeze-and-excitation: scales each channel by a function of all channel means."""
 
     def __init__(self, channels: int, squeezed: int) -> None:
         super().__init__()
@@ -267,13 +269,13 @@ class _Excitation(nn.Module):
 
 
 class _PixelCorrelation(nn.Module):
-    """Every cell of the template compared with every cell of the search crop (PG-Net)."""
+    """Correlation of every template cell with every cell of the search crop (PG-Net)."""
 
     def __init__(self) -> None:
         super().__init__()
         cells = _KERNEL_SIDE**2
-        self.conv_kernel = _projected()
-        self.conv_search = _projected()
+        self.conv_kernel = _pointwise()
+        self.conv_search = _pointwise()
         self.CA_layer = _ChannelAttention(cells)
         self.conv = nn.Sequential(
             nn.Conv2d(cells, cells, 2, groups=cells),
@@ -288,9 +290,9 @@ class _PixelCorrelation(nn.Module):
 
     def forward(self, kernel: Tensor, search: Tensor) -> Tensor:
         features = self.conv_search(search)
-        alike = torch.matmul(kernel, features.flatten(2))
-        alike = alike.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
-        out: Tensor = self.conv(self.CA_layer(alike))
+        correlation = torch.matmul(kernel, features.flatten(2))
+        correlation = correlation.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
+        out: Tensor = self.conv(self.CA_layer(correlation))
         return out
 
 
@@ -306,12 +308,12 @@ class _ChannelAttention(nn.Module):
 
 
 class _DepthwiseCorrelation(nn.Module):
-    """The middle of the template slid over the search crop, channel by channel."""
+    """Depthwise correlation of the template's center with the search crop."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.conv_kernel = _projected()
-        self.conv_search = _projected()
+        self.conv_kernel = _pointwise()
+        self.conv_search = _pointwise()
 
     def kernel(self, core: Tensor) -> Tensor:
         out: Tensor = self.conv_kernel(core)
@@ -320,17 +322,17 @@ class _DepthwiseCorrelation(nn.Module):
     def forward(self, kernel: Tensor, search: Tensor) -> Tensor:
         features = self.conv_search(search)
         n, channels = features.shape[:2]
-        together = features.reshape(1, n * channels, *features.shape[2:])
+        pairs = features.reshape(1, n * channels, *features.shape[2:])
         weights = kernel.reshape(n * channels, 1, *kernel.shape[2:])
-        out = F.conv2d(together, weights, padding=1, groups=n * channels)
+        out = F.conv2d(pairs, weights, padding=1, groups=n * channels)
         return out.reshape(n, channels, *out.shape[2:])
 
 
-def _active(block: _Block) -> nn.Module:
-    return nn.Hardswish() if block.hard else nn.ReLU(inplace=True)
+def _activation(block: _Block) -> nn.Module:
+    return nn.Hardswish() if block.hard_swish else nn.ReLU(inplace=True)
 
 
-def _projected() -> nn.Sequential:
+def _pointwise() -> nn.Sequential:
     return nn.Sequential(nn.Conv2d(WIDTH, WIDTH, 1))
 
 

@@ -1,4 +1,4 @@
-"""Necks: features of a backbone brought to 256 channels, templates cut to their middle."""
+"""Necks: backbone features reduced to 256 channels, template features cropped to their center."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from torch import Tensor, nn
 
 __all__ = ["MultiLevelNeck", "Neck", "NoNeck"]
 
-CHANNELS: Final = 256
-_TEMPLATE_SIDE: Final = 7  # cells kept of 15 (SiamRPN++, section 3.2)
+_CHANNELS: Final = 256
+_TEMPLATE_SIDE: Final = 7  # cells, of 15 (SiamRPN++, section 3.2)
 
 
-class AdjustLayer(nn.Module):
-    """1 x 1 convolution to 256 channels with normalisation and no activation.
+class _AdjustLayer(nn.Module):
+    """1 x 1 convolution to 256 channels with batch normalization, without activation.
 
     Parameters
     ----------
     channels : int
-        Channels that come in.
+        Channels of the input.
     """
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.downsample = nn.Sequential(
-            nn.Conv2d(channels, CHANNELS, 1, bias=False), nn.BatchNorm2d(CHANNELS)
+            nn.Conv2d(channels, _CHANNELS, 1, bias=False), nn.BatchNorm2d(_CHANNELS)
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        """Features (1, 256, n, n) of (1, channels, n, n)."""
+        """(1, channels, n, n) -> (1, 256, n, n)."""
         adjusted: Tensor = self.downsample(features)
         return adjusted
 
 
 class Neck(nn.Module):
-    """Neck of one level, as SiamMask has it; it uses the deepest of the levels that it is given.
+    """Neck of SiamMask, which uses the deepest level only.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ class Neck(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.downsample = AdjustLayer(channels)
+        self.downsample = _AdjustLayer(channels)
 
     def template(self, levels: Sequence[Tensor]) -> list[Tensor]:
-        """Template features [(1, 256, 7, 7)] of levels that end in (1, channels, 15, 15)."""
-        return [_middle(self.downsample(levels[-1]))]
+        """Template features [(1, 256, 7, 7)]; the last level is (1, channels, 15, 15)."""
+        return [_center(self.downsample(levels[-1]))]
 
     def search(self, levels: Sequence[Tensor]) -> list[Tensor]:
-        """Search features [(1, 256, n, n)] of levels that end in (1, channels, n, n)."""
+        """Search features [(1, 256, n, n)]; the last level is (1, channels, n, n)."""
         return [self.downsample(levels[-1])]
 
 
 class MultiLevelNeck(nn.Module):
-    """Neck of SiamRPN++'s three levels, from backbone layers that are named 2, 3 and 4.
+    """Neck of SiamRPN++, with a layer for each level; the layers are numbered from 2.
 
     Parameters
     ----------
@@ -69,11 +69,11 @@ class MultiLevelNeck(nn.Module):
         super().__init__()
         self._names = [f"downsample{number}" for number in range(2, 2 + len(channels))]
         for name, width in zip(self._names, channels, strict=True):
-            self.add_module(name, AdjustLayer(width))
+            self.add_module(name, _AdjustLayer(width))
 
     def template(self, levels: Sequence[Tensor]) -> list[Tensor]:
         """Template features (1, 256, 7, 7) of each level (1, channels, 15, 15)."""
-        return [_middle(level) for level in self.search(levels)]
+        return [_center(level) for level in self.search(levels)]
 
     def search(self, levels: Sequence[Tensor]) -> list[Tensor]:
         """Search features (1, 256, n, n) of each level (1, channels, n, n)."""
@@ -82,7 +82,7 @@ class MultiLevelNeck(nn.Module):
 
 
 class NoNeck(nn.Module):
-    """For AlexNet, whose features are used as they are."""
+    """The identity, for AlexNet."""
 
     def template(self, levels: Sequence[Tensor]) -> list[Tensor]:
         """The levels themselves."""
@@ -93,7 +93,7 @@ class NoNeck(nn.Module):
         return list(levels)
 
 
-def _middle(features: Tensor) -> Tensor:
+def _center(features: Tensor) -> Tensor:
     start = (int(features.shape[-1]) - _TEMPLATE_SIDE) // 2
-    middle = slice(start, start + _TEMPLATE_SIDE)
-    return features[:, :, middle, middle]
+    cells = slice(start, start + _TEMPLATE_SIDE)
+    return features[:, :, cells, cells]

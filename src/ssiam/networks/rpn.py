@@ -1,4 +1,4 @@
-"""Region proposal heads: scores and boxes of five anchors a cell, from one level or several."""
+"""Region proposal heads: scores and boxes of five anchors per cell, from one or more levels."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from ssiam.networks.correlation import CorrelationHead, added
+from ssiam.networks.correlation import CorrelationHead, sum_tensors
 
 __all__ = ["RPN", "MultiRPN"]
 
-_ANCHORS: Final = 5  # a cell: one scale, five ratios
+_ANCHORS: Final = 5  # per cell: one scale, five aspect ratios
 
 
 class RPN(nn.Module):
@@ -26,16 +26,17 @@ class RPN(nn.Module):
         self.loc = CorrelationHead(4 * _ANCHORS)
 
     def kernels(self, templates: Sequence[Tensor]) -> list[Tensor]:
-        """Kernels for scores and for boxes (1, 256, k - 2, k - 2) of [(1, 256, k, k)]."""
+        """Kernels (1, 256, k - 2, k - 2) for scores and boxes of features [(1, 256, k, k)]."""
         (template,) = templates
         return [self.cls.kernel(template), self.loc.kernel(template)]
 
     def forward(
         self, searches: Sequence[Tensor], kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, Tensor]:
-        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of [(1, 256, s, s)].
+        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of search features [(1, 256, s, s)].
 
-        Channels are (2, 5): background and foreground of the anchors; and (4, 5): dx, dy, dw, dh.
+        The channels are (2, 5), background and foreground of each anchor, and (4, 5), its
+        dx, dy, dw, dh.
         """
         (search,) = searches
         cls_kernel, loc_kernel = kernels
@@ -45,13 +46,15 @@ class RPN(nn.Module):
 
 
 class MultiRPN(nn.Module):
-    """Scores and boxes from three levels, added with learned weights or averaged.
+    """Scores and boxes from several levels, as a weighted sum or their mean.
 
     Parameters
     ----------
     weighted : bool
-        With learned weights, of which the softmax is taken (SiamRPN++, section 3.3); else the mean.
+        Weight the levels with the softmax of learned weights (SiamRPN++, section 3.3); otherwise
+        take the mean.
     levels : int
+        Number of levels.
     """
 
     def __init__(self, *, weighted: bool, levels: int = 3) -> None:
@@ -66,11 +69,11 @@ class MultiRPN(nn.Module):
 
     @property
     def kernel_names(self) -> tuple[str, ...]:
-        """Names of the kernels, level by level."""
+        """Names of the kernels, two per level."""
         return tuple(f"{name}_{kind}" for name in self._names for kind in RPN.kernel_names)
 
     def kernels(self, templates: Sequence[Tensor]) -> list[Tensor]:
-        """Two kernels (1, 256, 5, 5) a level, in the order of `kernel_names`."""
+        """Two kernels (1, 256, 5, 5) per level, in the order of `kernel_names`."""
         found: list[Tensor] = []
         for head, template in zip(self._heads(), templates, strict=True):
             found += head.kernels([template])
@@ -79,7 +82,7 @@ class MultiRPN(nn.Module):
     def forward(
         self, searches: Sequence[Tensor], kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, Tensor]:
-        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of features (1, 256, s, s) a level."""
+        """Raw scores (1, 10, n, n) and boxes (1, 20, n, n) of features (1, 256, s, s) per level."""
         maps = [
             head([search], kernels[2 * i : 2 * i + 2], sliced=sliced)
             for i, (head, search) in enumerate(zip(self._heads(), searches, strict=True))
@@ -87,7 +90,7 @@ class MultiRPN(nn.Module):
         cls_maps, loc_maps = zip(*maps, strict=True)
         if not self._weighted:
             return _mean(cls_maps), _mean(loc_maps)
-        return _weighed(cls_maps, self.cls_weight), _weighed(loc_maps, self.loc_weight)
+        return _weighted_sum(cls_maps, self.cls_weight), _weighted_sum(loc_maps, self.loc_weight)
 
     def _heads(self) -> list[RPN]:
         heads = [self.get_submodule(name) for name in self._names]
@@ -95,9 +98,9 @@ class MultiRPN(nn.Module):
 
 
 def _mean(maps: Sequence[Tensor]) -> Tensor:
-    return added(maps) / len(maps)
+    return sum_tensors(maps) / len(maps)
 
 
-def _weighed(maps: Sequence[Tensor], weights: Tensor) -> Tensor:
+def _weighted_sum(maps: Sequence[Tensor], weights: Tensor) -> Tensor:
     shares = torch.softmax(weights, 0)
-    return added([share * level for share, level in zip(shares, maps, strict=True)])
+    return sum_tensors([share * level for share, level in zip(shares, maps, strict=True)])

@@ -1,10 +1,10 @@
-"""A network's pieces in PyTorch as callables on arrays, on a processor or a graphics card."""
+"""A network's pieces in PyTorch as callables on arrays, on a CPU or a GPU."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any, Final, Literal, TypeAlias, cast
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 import torch
@@ -13,17 +13,50 @@ from torch import Tensor, nn
 
 from ssiam.copying import SharedByCopies
 from ssiam.errors import ArgumentError
-from ssiam.networks.catalogue import NetworkName
 from ssiam.networks.checkpoints import Checkpoint
-from ssiam.networks.graphs import InferenceGraph, inference_graphs
-from ssiam.networks.shapes import PieceShapes, piece_shapes
+from ssiam.networks.export import InferenceGraph, MaskGraph, RefineGraph, inference_graphs
+from ssiam.networks.registry import NetworkName, build_network
 
-__all__ = ["GraphRunner", "TorchDevice", "TorchPrecision", "runners"]
+__all__ = [
+    "GraphRunner",
+    "PieceShapes",
+    "TorchDevice",
+    "TorchPrecision",
+    "graph_runners",
+    "piece_shapes",
+]
 
+Shape: TypeAlias = tuple[int, ...]
 TorchDevice: TypeAlias = Literal["cpu", "cuda", "mps"]
 TorchPrecision: TypeAlias = Literal["f32", "bf16", "f16"]
 
 _DTYPES: Final = {"f32": torch.float32, "bf16": torch.bfloat16, "f16": torch.float16}
+
+
+class PieceShapes(NamedTuple):
+    """Shapes of a piece's inputs and outputs, in order.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    inputs: list[Shape]
+    outputs: list[Shape]
+
+
+@cache
+def piece_shapes(name: NetworkName) -> dict[str, PieceShapes]:
+    """Shapes of the pieces of `inference_graphs` by name, without running the network."""
+    with torch.device("meta"):
+        network = build_network(name)
+        graphs = inference_graphs(network)
+        shapes = {"template": _graph_shapes(graphs["template"], [network.template_shape])}
+        shapes["search"] = _graph_shapes(
+            graphs["search"], [network.search_shape, *shapes["template"].outputs]
+        )
+        for piece, graph in graphs.items():
+            if isinstance(graph, RefineGraph | MaskGraph):
+                shapes[piece] = _graph_shapes(graph, graph.input_shapes)
+    return shapes
 
 
 class GraphRunner(SharedByCopies):
@@ -34,12 +67,12 @@ class GraphRunner(SharedByCopies):
     Parameters
     ----------
     graph : InferenceGraph
-        Already on the device.
+        On the device, in evaluation mode.
     shapes : callable
-        Gives the shapes when they are asked for, which takes PyTorch a second.
+        Returns the shapes. It is called on demand, because they take PyTorch a second.
     device : {"cpu", "cuda", "mps"}
     dtype : torch.dtype
-        Of the weights; arrays that go in and come out are float32 whatever it is.
+        Of the weights. Input and output arrays are float32 in any case.
     """
 
     _instead = "load it in each process"
@@ -55,45 +88,45 @@ class GraphRunner(SharedByCopies):
         self._device, self._dtype = device, dtype
 
     @property
-    def input_shapes(self) -> list[tuple[int, ...]]:
+    def input_shapes(self) -> list[Shape]:
         """Shapes of the inputs."""
         return self._shapes().inputs
 
     @property
-    def output_shapes(self) -> list[tuple[int, ...]]:
+    def output_shapes(self) -> list[Shape]:
         """Shapes of the outputs."""
         return self._shapes().outputs
 
     @property
-    def convolutions(self) -> int:
-        """Convolutions with constant weights in the whole network that this is a piece of."""
+    def convolution_count(self) -> int:
+        """Number of convolutions with constant weights in the whole network."""
         kinds = (nn.Conv2d, nn.ConvTranspose2d)
         return sum(isinstance(module, kinds) for module in self._graph.modules())
 
     def __call__(self, *inputs: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Outputs for float32 inputs; the arrays are the caller's own."""
+        """New output arrays for float32 inputs."""
         with torch.inference_mode():
-            results = self._graph(*[self._placed(array) for array in inputs])
+            results = self._graph(*[self._to_device(array) for array in inputs])
         outputs = (results,) if isinstance(results, Tensor) else results
         return [np.ascontiguousarray(each.float().cpu().numpy()) for each in outputs]
 
-    def _placed(self, array: NDArray[np.float32]) -> Tensor:
+    def _to_device(self, array: NDArray[np.float32]) -> Tensor:
         tensor = torch.from_numpy(array).to(self._device, self._dtype)
         if tensor.ndim != 4:
             return tensor
         return tensor.contiguous(memory_format=torch.channels_last)
 
 
-def runners(
+def graph_runners(
     checkpoint: Checkpoint,
     *,
     device: TorchDevice = "cpu",
     precision: TorchPrecision = "f32",
     threads: int = 1,
 ) -> dict[str, GraphRunner]:
-    """The pieces of a network by name, as `inference_graphs` has them.
+    """The pieces of a checkpoint's network by name, as in `inference_graphs`.
 
-    The network itself is moved to the device, in channels-last order.
+    The network itself is moved to the device and to channels-last order.
 
     Parameters
     ----------
@@ -101,34 +134,41 @@ def runners(
     device : {"cpu", "cuda", "mps"}
     precision : {"f32", "bf16", "f16"}
     threads : int
-        CPU threads of all that PyTorch computes in this process.
+        CPU threads of PyTorch, for the whole process.
 
     Raises
     ------
     ArgumentError
-        The device is not there.
+        The device is not available.
     """
     _check_device(device)
     torch.set_num_threads(threads)
     dtype = _DTYPES[precision]
     network = checkpoint.network.to(device, dtype)
-    # Its overloads differ between versions of PyTorch.
+    # The overloads of `to` differ between versions of PyTorch.
     cast(Any, network).to(memory_format=torch.channels_last)
     graphs = inference_graphs(network, sliced=False)
     return {
-        piece: GraphRunner(graph.eval(), partial(_shapes, checkpoint.name, piece), device, dtype)
+        piece: GraphRunner(graph.eval(), partial(_shapes_of, checkpoint.name, piece), device, dtype)
         for piece, graph in graphs.items()
     }
 
 
-def _shapes(network: NetworkName, piece: str) -> PieceShapes:
+def _shapes_of(network: NetworkName, piece: str) -> PieceShapes:
     return piece_shapes(network)[piece]
 
 
+def _graph_shapes(graph: InferenceGraph, inputs: Iterable[Shape]) -> PieceShapes:
+    inputs = list(inputs)
+    results = graph(*map(torch.zeros, inputs))
+    outputs = (results,) if isinstance(results, Tensor) else results
+    return PieceShapes(inputs, [tuple(each.shape) for each in outputs])
+
+
 def _check_device(device: TorchDevice) -> None:
-    there = device == "cpu" or (device == "cuda" and torch.cuda.is_available())
-    if not there and not (device == "mps" and torch.backends.mps.is_available()):
+    available = device == "cpu" or (device == "cuda" and torch.cuda.is_available())
+    if not available and not (device == "mps" and torch.backends.mps.is_available()):
         raise ArgumentError(
-            f"device {device} is not there for PyTorch {torch.__version__}: "
-            "install its build for that device, or leave the device out"
+            f"device {device} is not available in PyTorch {torch.__version__}: "
+            "install its build for that device, or omit the device"
         )

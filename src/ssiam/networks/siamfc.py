@@ -7,20 +7,20 @@ from typing import Final
 
 from torch import Tensor
 
-from ssiam.networks.alexnet import AlexNetV1
+from ssiam.networks.backbones.alexnet import AlexNetV1
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.correlation import correlate_all, correlate_all_sliced
-from ssiam.networks.siamese import SiameseNetwork
 
 __all__ = ["SiamFC"]
 
-_OUT_SCALE: Final = 0.001  # of the responses (siamfc-pytorch)
-_SCALES: Final = 3  # search crops at once, of different sizes of the target
+_OUT_SCALE: Final = 0.001  # factor of the response map (siamfc-pytorch)
+_SCALES: Final = 3  # search crops per call, one for each target scale
 
 
 class SiamFC(SiameseNetwork):
-    """SiamFC as siamfc-pytorch trains it: no bias after the correlation.
+    """SiamFC as in siamfc-pytorch: no bias after the correlation.
 
-    Crops are RGB in 0..255, float32, not normalised.
+    Crops are RGB in 0..255, float32, not normalized.
     """
 
     search_shape = (_SCALES, 3, 255, 255)
@@ -32,13 +32,13 @@ class SiamFC(SiameseNetwork):
         self.backbone = AlexNetV1()
 
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Features (1, 256, 6, 6) of a template crop (1, 3, 127, 127)."""
+        """Features (1, 256, 6, 6) of a template crop (1, 3, 127, 127), alone in a tuple."""
         return (self.backbone(crop),)
 
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, ...]:
-        """Response (N, 1, 17, 17) of search crops (N, 3, 255, 255)."""
+        """Response map (N, 1, 17, 17) of search crops (N, 3, 255, 255), alone in a tuple."""
         features = self.backbone(crop)
         (kernel,) = kernels
         correlated = (correlate_all_sliced if sliced else correlate_all)(features, kernel)

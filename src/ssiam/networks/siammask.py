@@ -1,29 +1,29 @@
-"""SiamMask: SiamRPN's scores and boxes, and a mask of the target (Wang et al., CVPR 2019)."""
+"""SiamMask: scores and boxes of SiamRPN, and a mask of the target (Wang et al., CVPR 2019)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Final
 
-from torch import Tensor
+import torch.nn.functional as F
+from torch import Tensor, nn
 
+from ssiam.networks.backbones.resnet import ResNet50
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.correlation import CorrelationHead
-from ssiam.networks.mask import Refine
 from ssiam.networks.neck import Neck
-from ssiam.networks.resnet import ResNet50
 from ssiam.networks.rpn import RPN
-from ssiam.networks.siamese import SiameseNetwork
 
 __all__ = ["SiamMask", "SiamMaskBase"]
 
-_MASK_SIDE: Final = 63  # px, of the mask head's own masks
+_MASK_SIDE: Final = 63  # px, of the masks before refinement
 
 
 class SiamMaskBase(SiameseNetwork):
-    """SiamMask whose masks are the mask head's own, 63 x 63 pixels a cell.
+    """SiamMask without refinement: a mask of 63 x 63 px per cell.
 
-    Crops are BGR in 0..255, float32, not normalised. The search piece stops at the mask head's
-    correlation: `masks` of the one cell that a tracker wants costs a 625th of all of them.
+    Crops are BGR in 0..255, float32, not normalized. `search` returns the mask head's correlation,
+    not its masks: a tracker needs `masks` of one of the 625 cells only.
     """
 
     kernel_names = (*RPN.kernel_names, "mask_kernel")
@@ -48,7 +48,7 @@ class SiamMaskBase(SiameseNetwork):
         return self._responses(self.backbone(crop), kernels, sliced=sliced)
 
     def masks(self, corr: Tensor) -> Tensor:
-        """Mask logits (1, 3969, n, n) of a correlation (1, 256, n, n): 63 x 63 a cell, by rows."""
+        """Mask logits (1, 3969, n, n), 63 x 63 per cell, of a correlation (1, 256, n, n)."""
         return self.mask_head.maps(corr)
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, ...]:
@@ -66,7 +66,7 @@ class SiamMaskBase(SiameseNetwork):
 
 
 class SiamMask(SiamMaskBase):
-    """SiamMask with refined masks of 127 x 127 pixels: pysot's siammask_r50_l3."""
+    """SiamMask with refined masks of 127 x 127 px: pysot's siammask_r50_l3."""
 
     response_names = ("cls", "loc", "corr", "x0", "p1", "p2")
 
@@ -77,9 +77,55 @@ class SiamMask(SiamMaskBase):
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, ...]:
-        """What `SiamMaskBase.search` returns, and the features from which masks are refined.
+        """The output of `SiamMaskBase.search`, followed by the features for `Refine`.
 
-        Those are x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and p2 (1, 512, 31, 31).
+        These are x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and p2 (1, 512, 31, 31).
         """
         levels = self.backbone(crop)
         return (*self._responses(levels, kernels, sliced=sliced), *levels[:3])
+
+
+class Refine(nn.Module):
+    """Refinement of the mask of one cell, from coarse to fine (Wang et al., CVPR 2019)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.v0 = _two_convs(64, 16, 4)
+        self.v1 = _two_convs(256, 64, 16)
+        self.v2 = _two_convs(512, 128, 32)
+        self.h2 = _two_convs(32, 32, 32)
+        self.h1 = _two_convs(16, 16, 16)
+        self.h0 = _two_convs(4, 4, 4)
+        self.deconv = nn.ConvTranspose2d(256, 32, 15, stride=15)
+        self.post0 = nn.Conv2d(32, 16, 3, padding=1)
+        self.post1 = nn.Conv2d(16, 4, 3, padding=1)
+        self.post2 = nn.Conv2d(4, 1, 3, padding=1)
+
+    def forward(self, x0: Tensor, p1: Tensor, p2: Tensor, corr: Tensor) -> Tensor:
+        """Logits (1, 16129) of a mask of 127 x 127, row by row.
+
+        Parameters
+        ----------
+        x0 : Tensor
+            Patch (1, 64, 61, 61) of the first convolution's features around the cell.
+        p1, p2 : Tensor
+            Patches (1, 256, 31, 31) and (1, 512, 15, 15) of the features of layers 1 and 2.
+        corr : Tensor
+            The mask head's correlation at the cell, (1, 256, 1, 1).
+        """
+        out: Tensor = self.deconv(corr)  # (1, 32, 15, 15)
+        out = self.post0(_upsample(self.h2(out) + self.v2(p2), 31))
+        out = self.post1(_upsample(self.h1(out) + self.v1(p1), 61))
+        out = self.post2(_upsample(self.h0(out) + self.v0(x0), 127))
+        return out.flatten(1)
+
+
+def _two_convs(channels: int, hidden: int, out: int) -> nn.Sequential:
+    return nn.Sequential(
+        *[nn.Conv2d(channels, hidden, 3, padding=1), nn.ReLU(inplace=True)],
+        *[nn.Conv2d(hidden, out, 3, padding=1), nn.ReLU(inplace=True)],
+    )
+
+
+def _upsample(features: Tensor, side: int) -> Tensor:
+    return F.interpolate(features, size=(side, side), mode="nearest")

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
-from ssiam.networks.alexnet import AlexNet
-from ssiam.networks.mobilenet import MobileNetV2
+from ssiam.networks.backbones.alexnet import AlexNet
+from ssiam.networks.backbones.mobilenet import MobileNetV2
+from ssiam.networks.backbones.resnet import ResNet50
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.neck import MultiLevelNeck, NoNeck
-from ssiam.networks.resnet import ResNet50
 from ssiam.networks.rpn import RPN, MultiRPN
-from ssiam.networks.siamese import SiameseNetwork
 
 __all__ = ["SiamRPN", "siamrpn_alex", "siamrpn_mobilenet", "siamrpn_resnet"]
 
 
 class SiamRPN(SiameseNetwork):
-    """A Siamese region proposal network, in two pieces: of the template and of the search crop.
+    """A Siamese region proposal network.
 
-    Crops are BGR in 0..255, float32, not normalised.
+    Crops are BGR in 0..255, float32, not normalized.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class SiamRPN(SiameseNetwork):
     neck : MultiLevelNeck or NoNeck
     rpn_head : MultiRPN or RPN
     search_side : int
-        Pixels, side of the search crop: 255, or 287 for AlexNet.
+        Side of the search crop, px: 255, or 287 for AlexNet.
     """
 
     response_names = ("cls", "loc")
@@ -48,7 +48,7 @@ class SiamRPN(SiameseNetwork):
         self.rpn_head = rpn_head
 
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Kernels (1, 256, k, k) of a template crop (1, 3, 127, 127), two a level.
+        """Kernels (1, 256, k, k) of a template crop (1, 3, 127, 127), two per level.
 
         k is 5, or 4 for AlexNet.
         """
@@ -78,6 +78,6 @@ def siamrpn_mobilenet() -> SiamRPN:
 
 
 def siamrpn_resnet(*, weighted: bool) -> SiamRPN:
-    """siamrpn_r50_l234_dwxcorr; without learned weights of the levels its OTB variant."""
+    """siamrpn_r50_l234_dwxcorr if `weighted`, otherwise its OTB variant; see `MultiRPN`."""
     neck = MultiLevelNeck((512, 1024, 2048))
     return SiamRPN(ResNet50((2, 3, 4)), neck, MultiRPN(weighted=weighted), 255)

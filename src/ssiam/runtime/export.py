@@ -1,4 +1,4 @@
-"""From the authors' .pth to ONNX: pieces written, checked against PyTorch, and recorded."""
+"""Export of the authors' .pth files to ONNX, checked against PyTorch."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError
-from ssiam.runtime.calibration import calibration_feeds, quantise
-from ssiam.runtime.exported import OPSET, Exported, put
+from ssiam.errors import ArgumentError, WeightsError
+from ssiam.outputs import output_error
 from ssiam.runtime.files import sha256
+from ssiam.runtime.manifest import OPSET, Manifest, move_export
 from ssiam.runtime.network import Network, Tensor
 from ssiam.runtime.openvino import OpenVinoNetwork
 from ssiam.runtime.pytorch import read_network
+from ssiam.runtime.quantization import calibration_feeds, quantize
 
 if TYPE_CHECKING:
     from ssiam.networks import Checkpoint, SiameseNetwork
 
-__all__ = ["TOLERANCE", "distance", "export_network"]
+__all__ = ["TOLERANCE", "export_network", "relative_difference"]
 
-TOLERANCE: Final = 1e-3  # of an output's greatest magnitude, between PyTorch and the files
+TOLERANCE: Final = 1e-3  # between PyTorch and the files, see `relative_difference`
 
 
 def export_network(
@@ -32,86 +33,91 @@ def export_network(
     name: str,
     network: str,
     precision: Literal["f32", "int8"] = "f32",
-    pictures: Sequence[Any] = (),
-) -> Exported:
+    images: Sequence[Any] = (),
+) -> Manifest:
     """Write a checkpoint's network as .onnx files.
 
-    They are template.onnx, search.onnx, and refine.onnx for masks, in float32; with `precision`
-    "int8" search.onnx, which runs once a frame, computes in eight bits. The float32 files are
-    compared with PyTorch on noise before anything is kept.
+    The files are template.onnx, search.onnx, and refine.onnx for masks, in float32. With
+    `precision` "int8", search.onnx, which runs once per frame, is quantized. Before files are
+    moved to `folder`, the float32 files are compared with PyTorch on noise.
 
     Parameters
     ----------
     weights : Path
-        The authors' .pth file, or the folder that holds it alone.
+        The authors' .pth file, or a folder with only one.
     folder : Path
-        Where the files are written; made if it is not there.
+        The output folder, created if it does not exist.
     name : str
-        Name for the record: the tracker's.
+        Name of the tracker, for the manifest.
     network : str
-        Which network the file has to be.
+        Name of the expected network.
     precision : {"f32", "int8"}
-    pictures : sequence of (H, W, 3) uint8 BGR
-        What an int8 network is calibrated on.
+    images : sequence of (H, W, 3) uint8 BGR
+        Images for the calibration of an int8 network.
+
+    Returns
+    -------
+    Manifest
+        As stored in the folder.
 
     Raises
     ------
     MissingExtraError
         PyTorch or onnx is not installed, or for int8 ONNX Runtime.
     WeightsError
-        The file is missing, damaged or of another network, or the written files do not compute
-        the same.
+        The file is missing, damaged or of another network, or the exported files differ from
+        PyTorch by more than `TOLERANCE`.
     ArgumentError
-        int8 without pictures.
+        int8 without images.
     SinkError
         The folder cannot be written.
     """
-    if precision == "int8" and not pictures:
-        raise ArgumentError("int8 needs pictures to calibrate on: give --pictures VIDEO or FOLDER")
+    if precision == "int8" and not images:
+        raise ArgumentError("int8 needs images to calibrate on: give --pictures VIDEO or FOLDER")
     checkpoint = read_network(weights, network)
     path = weights if weights.is_file() else next(weights.glob("*.pth"))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder, prefix=".export-") as temporary:
-            pieces = _written(checkpoint, Path(temporary))
+            pieces = _write_pieces(checkpoint, Path(temporary))
             if precision == "int8":
-                _quantised(Path(temporary), pictures, rgb=network == "siamfc")
-            record = Exported(name, network, sha256(path), pieces, precision)
-            record.write(Path(temporary))
-            put(Path(temporary), folder, [f"{piece}.onnx" for piece in pieces])
+                _quantize_search(Path(temporary), images, rgb=network == "siamfc")
+            manifest = Manifest(name, network, sha256(path), pieces, precision)
+            manifest.write(Path(temporary))
+            move_export(Path(temporary), folder, [f"{piece}.onnx" for piece in pieces])
     except OSError as error:
-        raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
-    return record
+        raise output_error(folder, error) from error
+    return manifest
 
 
-def distance(found: Tensor, expected: Tensor) -> float:
-    """Greatest difference of two arrays, as a share of the greatest magnitude of the second."""
-    return float(np.abs(found - expected).max() / max(np.abs(expected).max(), 1e-12))
+def relative_difference(actual: Tensor, expected: Tensor) -> float:
+    """Largest difference of two arrays, relative to the largest magnitude of the second."""
+    return float(np.abs(actual - expected).max() / max(np.abs(expected).max(), 1e-12))
 
 
-def _written(checkpoint: Checkpoint, folder: Path) -> tuple[str, ...]:
-    """Write and compare the pieces; their names."""
-    from ssiam.networks import inference_graphs, runners, write_onnx
+def _write_pieces(checkpoint: Checkpoint, folder: Path) -> tuple[str, ...]:
+    """Write the pieces and compare them with PyTorch; returns their names."""
+    from ssiam.networks import graph_runners, inference_graphs, write_onnx
 
-    expected = runners(checkpoint)
-    for piece, (feed, responses) in _on_noise(checkpoint.network, expected).items():
+    runners = graph_runners(checkpoint)
+    for piece, (feed, expected) in _run_on_noise(checkpoint.network, runners).items():
         graph, path = inference_graphs(checkpoint.network)[piece], folder / f"{piece}.onnx"
         write_onnx(graph, [each.shape for each in feed], path, opset=OPSET)
-        found = OpenVinoNetwork(path, cached=False)(*feed)
-        off = max(map(distance, found, responses))
-        if not off <= TOLERANCE:
+        actual = OpenVinoNetwork(path, cached=False)(*feed)
+        difference = max(map(relative_difference, actual, expected))
+        if not difference <= TOLERANCE:
             raise WeightsError(
-                f"the {piece} piece of {checkpoint.name} as ONNX differs from PyTorch by {off:.1e} "
-                f"of its greatest value, more than {TOLERANCE:.0e}: it was not kept; "
-                "use runtime torch"
+                f"the {piece} piece of {checkpoint.name} in ONNX differs from PyTorch by "
+                f"{difference:.1e} of its largest value, more than {TOLERANCE:.0e}: "
+                "nothing was written; use runtime torch"
             )
-    return tuple(expected)
+    return tuple(runners)
 
 
-def _on_noise(
+def _run_on_noise(
     network: SiameseNetwork, pieces: Mapping[str, Network]
 ) -> dict[str, tuple[list[Tensor], list[Tensor]]]:
-    """What the pieces make of crops of noise, and of each other's outputs: inputs and outputs."""
+    """Inputs and outputs of the pieces, run on crops of noise and on each other's outputs."""
     random = np.random.default_rng(0)
     template, search = (
         random.integers(0, 256, shape).astype(np.float32)
@@ -120,26 +126,26 @@ def _on_noise(
     kernels = pieces["template"](template)
     feed = [search, *kernels]
     responses = pieces["search"](*feed)
-    found = {"template": ([template], kernels), "search": (feed, responses)}
-    for piece in pieces.keys() - found.keys():  # refine or mask
+    runs = {"template": ([template], kernels), "search": (feed, responses)}
+    for piece in pieces.keys() - runs.keys():  # refine or mask
         sources = [*responses[3:], responses[2]]
-        feed = [_middle(*each) for each in zip(sources, pieces[piece].input_shapes, strict=True)]
-        found[piece] = (feed, pieces[piece](*feed))
-    return found
+        feed = [_center(*pair) for pair in zip(sources, pieces[piece].input_shapes, strict=True)]
+        runs[piece] = (feed, pieces[piece](*feed))
+    return runs
 
 
-def _middle(features: Tensor, shape: tuple[int, ...]) -> Tensor:
-    """The middle (1, C, n, n) of features."""
+def _center(features: Tensor, shape: tuple[int, ...]) -> Tensor:
+    """The central (1, C, n, n) of features (1, C, N, N), for `shape` (1, C, n, n)."""
     side = shape[-1]
     start = (features.shape[-1] - side) // 2
-    middle = slice(start, start + side)
-    return np.ascontiguousarray(features[:, :, middle, middle])
+    cells = slice(start, start + side)
+    return np.ascontiguousarray(features[:, :, cells, cells])
 
 
-def _quantised(folder: Path, pictures: Sequence[Any], *, rgb: bool) -> None:
-    """Replace the search piece by one in eight bits."""
+def _quantize_search(folder: Path, images: Sequence[Any], *, rgb: bool) -> None:
+    """Replace the search piece by an int8 one."""
     template = OpenVinoNetwork(folder / "template.onnx", cached=False)
     path, exact = folder / "search.onnx", folder / "search-f32.onnx"
     path.rename(exact)
     shape = OpenVinoNetwork(exact, cached=False).input_shapes[0]
-    quantise(exact, path, calibration_feeds(template, shape, pictures, rgb=rgb))
+    quantize(exact, path, calibration_feeds(template, shape, images, rgb=rgb))

@@ -1,4 +1,4 @@
-"""Files of networks: what they are by their first bytes, their digest, and where ours are kept."""
+"""Files of networks: checks of their first bytes, digests, and the cache folder."""
 
 from __future__ import annotations
 
@@ -10,15 +10,23 @@ from typing import Final
 
 from ssiam.errors import WeightsError
 
-__all__ = ["cache_folder", "check_onnx", "damaged", "identity", "sha256"]
+__all__ = [
+    "cache_folder",
+    "check_onnx",
+    "damaged_error",
+    "fingerprint",
+    "input_shape_error",
+    "not_int8_error",
+    "sha256",
+]
 
 _CHUNK: Final = 1 << 20  # bytes
 
 
 def cache_folder() -> Path:
-    """The folder of what can be made again, `ssiam` in the user's cache folder.
+    """The folder `ssiam` in the user's cache folder, for files that can be made again.
 
-    That is ``$XDG_CACHE_HOME/ssiam``, by default ``~/.cache/ssiam``; it need not exist.
+    That is ``$XDG_CACHE_HOME/ssiam``, by default ``~/.cache/ssiam``. It may not exist.
     """
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path("~/.cache").expanduser()) / "ssiam"
@@ -33,14 +41,17 @@ def sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def identity(paths: Iterable[Path], about: str) -> str:
-    """32 digits that change with the files' names, sizes or times, or with `about`; unread."""
+def fingerprint(paths: Iterable[Path], key: str) -> str:
+    """32 digits that change with the files' names, sizes or times, or with `key`.
+
+    The files are not read.
+    """
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
-    return hashlib.sha256(f"{stats} {about}".encode()).hexdigest()[:32]
+    return hashlib.sha256(f"{stats} {key}".encode()).hexdigest()[:32]
 
 
 def check_onnx(path: Path) -> None:
-    """Refuse what the first bytes already show to be no ONNX file, with a `WeightsError`."""
+    """Raise `WeightsError` if a file cannot be ONNX by its first bytes."""
     if not path.is_file():
         raise WeightsError(f"weights {path} do not exist: give the path of an .onnx file")
     with path.open("rb") as file:
@@ -55,24 +66,24 @@ def check_onnx(path: Path) -> None:
         raise WeightsError(f"weights {path} are not an ONNX file (they start with {start[:8]!r})")
 
 
-def damaged(path: Path) -> WeightsError:
-    """The error for an ONNX file that starts well and cannot be read."""
+def damaged_error(path: Path) -> WeightsError:
+    """The error for an ONNX file that cannot be read although its first bytes are right."""
     return WeightsError(
         f"weights {path} cannot be read: the file is damaged or cut short "
         f"({path.stat().st_size} bytes); download it again"
     )
 
 
-def misshapen(path: Path, shape: tuple[int, ...]) -> WeightsError:
-    """The error for a network that does not take an input of this shape."""
+def input_shape_error(path: Path, shape: tuple[int, ...]) -> WeightsError:
+    """The error for a network that does not accept an input of this shape."""
     return WeightsError(
         f"{path} does not take an input of shape {shape}: these are weights of another network"
     )
 
 
-def not_quantised(path: Path) -> WeightsError:
-    """The error for a network that was to be run in int8 and holds no such layers."""
+def not_int8_error(path: Path) -> WeightsError:
+    """The error for a network that should run in int8 but has no quantized layers."""
     return WeightsError(
-        f"weights {path} are not in int8: export them so, "
+        f"weights {path} are not in int8: export them with "
         "ssiam weights export NAME FILE --precision int8 --pictures VIDEO"
     )

@@ -1,4 +1,4 @@
-"""One small protocol for running a network, whatever runs it, and how it is to be run."""
+"""The protocol of a compiled network, and the options for running one."""
 
 from __future__ import annotations
 
@@ -21,38 +21,41 @@ DEVICES: Final[dict[RuntimeName, tuple[DeviceName, ...]]] = {
     "onnxruntime": ("cpu", "cuda", "tensorrt", "coreml"),
     "torch": ("cpu", "cuda", "mps"),
 }
+"""Devices of each runtime."""
+
 PRECISIONS: Final[dict[RuntimeName, tuple[Precision, ...]]] = {
     "openvino": ("f32", "bf16", "int8"),
     "onnxruntime": ("f32", "int8"),
     "torch": ("f32", "bf16", "f16"),
 }
+"""Precisions of each runtime."""
 
 
 class Network(Protocol):
     """A compiled network with fixed input shapes.
 
-    Threads: may be called from any number at once, as trackers of one load share it.
+    Threads: may be called from any number at once, because trackers of one load share it.
     """
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
-        """Shapes of the inputs, in the order in which they are given."""
+        """Shapes of the inputs, in order."""
 
     @property
     def output_shapes(self) -> list[tuple[int, ...]]:
-        """Shapes of the outputs, in the order in which they are returned."""
+        """Shapes of the outputs, in order."""
 
     @property
-    def convolutions(self) -> int:
-        """How many convolutions it has, by which networks of equal shapes are told apart."""
+    def convolution_count(self) -> int:
+        """Number of convolutions, which distinguishes networks with the same input shapes."""
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
-        """Outputs for float32 inputs; the arrays are the caller's own."""
+        """New output arrays for float32 inputs."""
 
 
 @dataclass(frozen=True)
-class Running:
-    """How networks are run.
+class RuntimeOptions:
+    """How to run a network.
 
     Threads: a value; any number of threads may share it.
 
@@ -62,15 +65,16 @@ class Running:
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "f16", "int8"}
-        Of the arithmetic; which runtime has which says `PRECISIONS`. "int8" takes files that were
-        exported so. Inputs and outputs are float32 with all of them.
+        Of the arithmetic; `PRECISIONS` lists those of each runtime. "int8" needs files that were
+        exported in int8. Inputs and outputs are float32 in any case.
     device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
-        Which runtime has which says `DEVICES`; None is the CPU.
+        `DEVICES` lists those of each runtime; None is the CPU.
 
     Raises
     ------
     ArgumentError
-        An unknown name, or a precision or device that the runtime does not have.
+        An unknown name, fewer than 1 thread, or a precision or device that the runtime does not
+        support.
     """
 
     runtime: RuntimeName = "openvino"
@@ -82,18 +86,18 @@ class Running:
         check_choice("runtime", self.runtime, get_args(RuntimeName))
         check_choice("precision", self.precision, get_args(Precision))
         if not isinstance(self.threads, Integral) or self.threads < 1:
-            raise ArgumentError(f"threads is {self.threads!r}: it must be a whole number from 1 on")
-        self._check_has("precision", self.precision, PRECISIONS[self.runtime])
-        self._check_has("device", self.where, DEVICES[self.runtime])
-        if self.precision == "f16" and self.where == "cpu":
-            raise ArgumentError("precision f16 needs device cuda or mps: take f32 on the CPU")
+            raise ArgumentError(f"threads is {self.threads!r}: give a whole number of at least 1")
+        self._check_supported("precision", self.precision, PRECISIONS[self.runtime])
+        self._check_supported("device", self.resolved_device, DEVICES[self.runtime])
+        if self.precision == "f16" and self.resolved_device == "cpu":
+            raise ArgumentError("precision f16 needs device cuda or mps: use f32 on the CPU")
 
     @property
-    def where(self) -> DeviceName:
-        """The device, the CPU if none is named."""
+    def resolved_device(self) -> DeviceName:
+        """The device; the CPU if `device` is None."""
         return self.device or "cpu"
 
-    def _check_has(self, kind: str, value: str, known: tuple[str, ...]) -> None:
+    def _check_supported(self, kind: str, value: str, known: tuple[str, ...]) -> None:
         if value not in known:
             raise ArgumentError(
                 f"runtime {self.runtime} has no {kind} {value!r}: choose from {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Networks on ONNX Runtime: on a CPU, or on what its other builds support."""
+"""Networks on ONNX Runtime: on a CPU, or on the devices of its other builds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ssiam.copying import SharedByCopies
 from ssiam.errors import ArgumentError, MissingExtraError
-from ssiam.runtime.files import check_onnx, damaged, misshapen, not_quantised
+from ssiam.runtime.files import check_onnx, damaged_error, input_shape_error, not_int8_error
 from ssiam.runtime.network import DeviceName, Precision, Tensor
 
 try:
@@ -30,13 +30,13 @@ _PROVIDERS: Final[dict[DeviceName, str]] = {
     "coreml": "CoreMLExecutionProvider",
 }
 _BUILDS: Final = {"coreml": "onnxruntime on macOS"}  # the others are in onnxruntime-gpu
-_ONLY_ERRORS: Final = 3  # of what it logs to standard error
+_ERRORS_ONLY: Final = 3  # severity from which it logs to standard error
 _STATE: Final = ort.capi.onnxruntime_pybind11_state
-_REFUSED: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, RuntimeError)
+_LOAD_ERRORS: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, RuntimeError)
 
 
 class OnnxRuntimeNetwork(SharedByCopies):
-    """An ONNX file in a session of its own.
+    """An ONNX file in an ONNX Runtime session.
 
     Threads: may be called from any number at once; a session keeps nothing between calls.
 
@@ -45,18 +45,18 @@ class OnnxRuntimeNetwork(SharedByCopies):
     path : Path
         The .onnx file.
     input_shape : tuple of int, optional
-        Shape that the first input is given in place of the file's own.
+        Replaces the shape of the first input.
     threads : int
         CPU threads of one inference.
     precision : {"f32", "int8"}
-        "int8" asks for a file that was exported so.
+        "int8" needs a file that was exported in int8.
     device : {"cpu", "cuda", "tensorrt", "coreml"}
-        What the device cannot do runs on the CPU.
+        Operators that the device does not support run on the CPU.
 
     Raises
     ------
     WeightsError
-        The file is missing, is no ONNX file, is damaged, or is not in int8.
+        The file is missing, damaged, not ONNX, not in int8, or does not accept `input_shape`.
     ArgumentError
         The installed ONNX Runtime was not built for the device.
     """
@@ -74,22 +74,22 @@ class OnnxRuntimeNetwork(SharedByCopies):
         providers = _providers(device)
         model = _read(path)
         kinds = [node.op_type for node in model.graph.node]
-        self._convolutions = sum(kind in ("Conv", "ConvTranspose") for kind in kinds)
+        self._convolution_count = sum(kind in ("Conv", "ConvTranspose") for kind in kinds)
         if precision == "int8" and "QuantizeLinear" not in kinds:
-            raise not_quantised(path)
+            raise not_int8_error(path)
         content = str(path) if input_shape is None else _reshaped(path, model, input_shape)
         options = ort.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-        options.log_severity_level = _ONLY_ERRORS
-        # Threads that wait by spinning take the cores from whatever runs beside.
+        options.log_severity_level = _ERRORS_ONLY
+        # Threads that spin while they wait take cores from other processes.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
             self._session = ort.InferenceSession(content, options, providers=providers)
-        except _REFUSED as error:
-            raise damaged(path) from error
+        except _LOAD_ERRORS as error:
+            raise damaged_error(path) from error
         self._names = [each.name for each in self._session.get_inputs()]
         if input_shape is not None:
-            self._try_inputs(path, input_shape)
+            self._check_input_shape(path, input_shape)
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
@@ -102,32 +102,32 @@ class OnnxRuntimeNetwork(SharedByCopies):
         return [tuple(each.shape) for each in self._session.get_outputs()]
 
     @property
-    def convolutions(self) -> int:
-        """How many convolutions the file has, grouped ones included."""
-        return self._convolutions
+    def convolution_count(self) -> int:
+        """Number of convolutions, including grouped ones."""
+        return self._convolution_count
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
-        """Outputs for float32 inputs."""
+        """New output arrays for float32 inputs."""
         results = self._session.run(None, dict(zip(self._names, inputs, strict=True)))
         return [np.asarray(each, dtype=np.float32) for each in results]
 
-    def _try_inputs(self, path: Path, shape: tuple[int, ...]) -> None:
-        """Run once, for only then is a shape refused that does not fit the weights."""
+    def _check_input_shape(self, path: Path, shape: tuple[int, ...]) -> None:
+        """Run once: only then does ONNX Runtime refuse a shape that does not fit the weights."""
         try:
             self(*[np.zeros(each, np.float32) for each in self.input_shapes])
-        except _REFUSED as error:
-            raise misshapen(path, shape) from error
+        except _LOAD_ERRORS as error:
+            raise input_shape_error(path, shape) from error
 
 
 def _providers(device: DeviceName) -> list[str]:
-    wanted = _PROVIDERS[device]
-    if wanted not in ort.get_available_providers():
+    provider = _PROVIDERS[device]
+    if provider not in ort.get_available_providers():
         build = _BUILDS.get(device, "onnxruntime-gpu")
         raise ArgumentError(
             f"device {device} is not in the installed ONNX Runtime {ort.__version__}: "
             f"install {build}, or choose device cpu"
         )
-    return list(dict.fromkeys([wanted, _PROVIDERS["cpu"]]))
+    return list(dict.fromkeys([provider, _PROVIDERS["cpu"]]))
 
 
 def _read(path: Path) -> Any:
@@ -137,11 +137,11 @@ def _read(path: Path) -> Any:
     except Exception as error:  # protobuf's DecodeError has no public name
         if type(error).__name__ != "DecodeError":
             raise
-        raise damaged(path) from error
+        raise damaged_error(path) from error
 
 
 def _reshaped(path: Path, model: Any, shape: tuple[int, ...]) -> bytes:
-    """The model with another shape of its first input; all others follow from it."""
+    """The model with another shape of its first input, and the other shapes inferred."""
     dimensions = model.graph.input[0].type.tensor_type.shape.dim
     for dimension, length in zip(dimensions, shape, strict=True):
         dimension.dim_value = length
@@ -152,5 +152,5 @@ def _reshaped(path: Path, model: Any, shape: tuple[int, ...]) -> bytes:
     try:
         inferred = onnx.shape_inference.infer_shapes(model, strict_mode=True)
     except onnx.shape_inference.InferenceError as error:
-        raise misshapen(path, shape) from error
+        raise input_shape_error(path, shape) from error
     return bytes(inferred.SerializeToString())

@@ -1,58 +1,71 @@
-"""Networks on OpenVINO, the default on a CPU."""
+"""Networks on OpenVINO, the default runtime."""
 
 from __future__ import annotations
 
+import ctypes
 import logging
+import os
 import sys
 from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 
 from ssiam.copying import SharedByCopies
-from ssiam.runtime.files import cache_folder, check_onnx, damaged, misshapen, not_quantised
+from ssiam.runtime.files import (
+    cache_folder,
+    check_onnx,
+    damaged_error,
+    input_shape_error,
+    not_int8_error,
+)
 from ssiam.runtime.network import Precision, Tensor
 
-# Importing OpenVINO reports to a web service from a forked process, unasked, and where there is no
-# network that process can hang and keep this one from ending. Without the reporting package
-# OpenVINO falls back to a stub of its own.
+# On import OpenVINO sends telemetry from a forked process. Without a network connection that
+# process can hang and keep this one from exiting. Without the telemetry package OpenVINO uses a
+# stub.
 sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
 
 import openvino as ov  # noqa: E402
 
-__all__ = ["CORE", "OpenVinoNetwork", "computes_in_bf16", "ov", "read_model"]
+__all__ = ["CORE", "OpenVinoNetwork", "load_with_shared_weights", "ov", "supports_bf16"]
 
 CORE = ov.Core()
+_VERSION: Final = ov.__version__.partition("-")[0]
 _LOG = logging.getLogger(__name__)
-_WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
+_MIN_CACHED_BYTES: Final = 8_000_000  # size of an .onnx file; smaller ones compile fast
 
 
 class OpenVinoNetwork(SharedByCopies):
     """An ONNX file compiled for this CPU.
 
-    Threads: may be called from any number at once; each call has an inference request to itself.
+    Threads: may be called from any number at once; each call has its own inference request.
 
     Parameters
     ----------
     path : Path
         The .onnx file.
     input_shape : tuple of int, optional
-        Shape that the first input is given in place of the file's own.
+        Replaces the shape of the first input.
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "int8"}
-        "bf16" needs a CPU with AVX-512 or AMX for it; on others it is float32, with a warning in
-        the log. "int8" asks for a file that was exported so; its other layers run in float32.
+        "bf16" needs a CPU with AVX-512 or AMX instructions for it; on others the network runs in
+        float32 and a warning is logged. "int8" needs a file that was exported in int8; its other
+        layers run in float32.
     cached : bool
-        Keep a large network compiled in the user's cache folder, if that can be written.
+        Cache a large compiled network in the user's cache folder, if that can be written.
     model : openvino.Model, optional
-        What the file holds, if it has been read; it is not kept compiled then.
+        The content of the file, if it has been read. The compiled network is not cached then.
 
     Raises
     ------
     WeightsError
-        The file is missing, is no ONNX file, is damaged, or is not in int8.
+        The file is missing, damaged, not ONNX, not in int8, or does not accept `input_shape`.
     """
 
     _instead = "load it in each process"
@@ -68,26 +81,26 @@ class OpenVinoNetwork(SharedByCopies):
         model: ov.Model | None = None,
     ) -> None:
         cached = cached and model is None
-        model = read_model(path) if model is None else model
+        model = _read_model(path) if model is None else model
         if input_shape is not None:
             try:
                 model.reshape({0: list(input_shape)})
             except RuntimeError as error:
-                raise misshapen(path, input_shape) from error
+                raise input_shape_error(path, input_shape) from error
         kinds = [op.get_type_name() for op in model.get_ops()]
-        self._convolutions = sum("Convolution" in kind for kind in kinds)
+        self._convolution_count = sum("Convolution" in kind for kind in kinds)
         if precision == "int8" and not {"FakeQuantize", "QuantizeLinear"} & set(kinds):
-            raise not_quantised(path)
+            raise not_int8_error(path)
         settings: dict[str, Any] = {
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
-            # A pinned thread waits for its core while another process has it, and others are free.
+            # A pinned thread waits for its core even while other cores are free.
             "ENABLE_CPU_PINNING": False,
             "INFERENCE_PRECISION_HINT": _arithmetic(precision),
         }
-        cached = cached and path.stat().st_size >= _WORTH_CACHING
-        self._compiled = _compiled(model, settings, cached=cached)
-        # Requests that no call is using: as many as there have been calls at once.
+        cached = cached and path.stat().st_size >= _MIN_CACHED_BYTES
+        self._compiled = _compile(model, settings, cached=cached)
+        # Requests not in use. One is added whenever more calls run at once than before.
         self._idle = deque([self._compiled.create_infer_request()])
 
     @property
@@ -101,54 +114,123 @@ class OpenVinoNetwork(SharedByCopies):
         return [tuple(port.shape) for port in self._compiled.outputs]
 
     @property
-    def convolutions(self) -> int:
-        """How many convolutions the file has, grouped ones included."""
-        return self._convolutions
+    def convolution_count(self) -> int:
+        """Number of convolutions, including grouped ones."""
+        return self._convolution_count
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
-        """Outputs for float32 inputs, copied."""
-        request = self._free_request()
+        """New output arrays for float32 inputs."""
+        request = self._idle_request()
         try:
             results = request.infer(list(inputs), share_inputs=True, share_outputs=True)
             return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
         finally:
             self._idle.append(request)
 
-    def _free_request(self) -> ov.InferRequest:
+    def _idle_request(self) -> ov.InferRequest:
         try:
             return self._idle.pop()
         except IndexError:
             return self._compiled.create_infer_request()
 
 
-def computes_in_bf16() -> bool:
-    """Whether this CPU has bf16 arithmetic that OpenVINO uses."""
+def supports_bf16() -> bool:
+    """Whether OpenVINO uses bf16 instructions on this CPU."""
     return "BF16" in CORE.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
 
 
 def _arithmetic(precision: Precision) -> str:
-    """OpenVINO's name of the arithmetic; float32 gives the same boxes on every CPU."""
-    if precision == "bf16" and not computes_in_bf16():
+    """OpenVINO's inference precision; float32 gives the same boxes on every CPU."""
+    if precision == "bf16" and not supports_bf16():
         _LOG.warning("this CPU has no bf16 arithmetic: the network runs in f32")
         return "f32"
     return "bf16" if precision == "bf16" else "f32"
 
 
-def _compiled(model: ov.Model, settings: dict[str, Any], *, cached: bool) -> ov.CompiledModel:
+def _compile(model: ov.Model, settings: dict[str, Any], *, cached: bool) -> ov.CompiledModel:
     if cached:
         folder = cache_folder() / "openvino"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             return CORE.compile_model(model, "CPU", settings | {"CACHE_DIR": str(folder)})
         except (OSError, RuntimeError) as error:
-            _LOG.info("compiled networks are not kept in %s: %s", folder, error)
+            _LOG.info("compiled networks are not cached in %s: %s", folder, error)
     return CORE.compile_model(model, "CPU", settings)
 
 
-def read_model(path: Path) -> ov.Model:
-    """The model of an .onnx file, or a `WeightsError`."""
+def _read_model(path: Path) -> ov.Model:
+    """The model of an .onnx file; `WeightsError` if it is missing, damaged or not ONNX."""
     check_onnx(path)
     try:
         return CORE.read_model(path)
     except RuntimeError as error:
-        raise damaged(path) from error
+        raise damaged_error(path) from error
+
+
+def load_with_shared_weights(
+    paths: Sequence[Path], digest: str, threads: int = 1, precision: Precision = "f32"
+) -> list[OpenVinoNetwork]:
+    """Networks that have most of their weights in common, with one copy of these in memory.
+
+    They are cached as one file in the user's cache folder. If that cannot be written, each network
+    is loaded separately.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The .onnx files.
+    digest : str
+        Name of the cached file, different for different .onnx files.
+    threads, precision
+        As for `OpenVinoNetwork`, also the errors.
+    """
+    try:
+        joint = _read_joint_model(paths, cache_folder() / "openvino" / f"{digest}-{_VERSION}.xml")
+        models = [_extract(joint, number) for number in range(len(paths))]
+    except (OSError, RuntimeError) as error:
+        _LOG.info("networks do not share their weights: %s", error)
+        return [OpenVinoNetwork(path, None, threads, precision) for path in paths]
+    networks = []
+    for path, model in zip(paths, models, strict=True):
+        networks.append(OpenVinoNetwork(path, None, threads, precision, model=model))
+        _return_freed_memory()
+    return networks
+
+
+def _read_joint_model(paths: Sequence[Path], file: Path) -> ov.Model:
+    """The networks as one model, read from a file that is written if necessary."""
+    with suppress(RuntimeError):  # missing or damaged
+        return CORE.read_model(file)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=file.parent, prefix=".joint-") as temporary:
+        written = Path(temporary, file.name)
+        ov.serialize(_join([_read_model(path) for path in paths]), written)
+        for suffix in (".bin", ".xml"):
+            os.replace(written.with_suffix(suffix), file.with_suffix(suffix))
+    _return_freed_memory()
+    return CORE.read_model(file)
+
+
+def _join(models: Sequence[ov.Model]) -> ov.Model:
+    """One model with all inputs and outputs, whose names get the prefix NUMBER/."""
+    for number, model in enumerate(models):
+        for node in (*model.get_parameters(), *model.get_results()):
+            node.set_friendly_name(f"{number}/{node.get_friendly_name()}")
+            node.get_output_tensor(0).set_names(set())
+    results = [node for model in models for node in model.get_results()]
+    return ov.Model(results, [node for model in models for node in model.get_parameters()])
+
+
+def _extract(joint: ov.Model, number: int) -> ov.Model:
+    """The model of this number from the result of `_join`; its weights are shared."""
+    ends = [
+        [node for node in nodes if node.get_friendly_name().startswith(f"{number}/")]
+        for nodes in (joint.get_results(), joint.get_parameters())
+    ]
+    return ov.Model(*ends)
+
+
+def _return_freed_memory() -> None:
+    """Return memory that reading and compiling freed to the system; glibc keeps it otherwise."""
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
+        libc.malloc_trim(0)

@@ -1,4 +1,4 @@
-"""Networks on PyTorch, straight from the authors' checkpoints."""
+"""Networks on PyTorch, directly from the authors' checkpoints."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ssiam.errors import WeightsError, check_choice
-from ssiam.runtime.network import Network, Running
+from ssiam.runtime.network import Network, RuntimeOptions
 
 if TYPE_CHECKING:
     from ssiam.networks import Checkpoint
 
-__all__ = ["read_network", "torch_pieces"]
+__all__ = ["load_torch_pieces", "read_network", "wrong_network_error"]
 
 
-def torch_pieces(weights: Path, network: str, running: Running) -> dict[str, Network]:
+def load_torch_pieces(weights: Path, network: str, options: RuntimeOptions) -> dict[str, Network]:
     """The pieces of a checkpoint's network by name: template, search, and refine for masks.
 
-    Correlations are convolutions here, and tensors are in channels-last order.
+    Correlations are computed as convolutions, and tensors are in channels-last order.
 
     Parameters
     ----------
     weights : Path
-        The .pth file, or the folder that holds it alone.
+        The .pth file, or a folder with only one.
     network : str
-        Name of the network that it has to be.
-    running : Running
-        On the devices cuda and mps precision "f16" computes in half precision.
+        Name of the expected network.
+    options : RuntimeOptions
+        Precision "f16" is half precision, for the devices cuda and mps.
 
     Raises
     ------
@@ -35,18 +35,18 @@ def torch_pieces(weights: Path, network: str, running: Running) -> dict[str, Net
     WeightsError
         The file is missing, damaged or of another network.
     ArgumentError
-        The device is not there.
+        The device is not available.
     """
-    from ssiam.networks import runners
+    from ssiam.networks import graph_runners
     from ssiam.networks.runners import TorchDevice, TorchPrecision
 
     devices: tuple[TorchDevice, ...] = ("cpu", "cuda", "mps")
     precisions: tuple[TorchPrecision, ...] = ("f32", "bf16", "f16")
-    pieces = runners(
+    pieces = graph_runners(
         read_network(weights, network),
-        device=check_choice("device", running.where, devices),
-        precision=check_choice("precision", running.precision, precisions),
-        threads=running.threads,
+        device=check_choice("device", options.resolved_device, devices),
+        precision=check_choice("precision", options.precision, precisions),
+        threads=options.threads,
     )
     return dict(pieces)
 
@@ -54,7 +54,7 @@ def torch_pieces(weights: Path, network: str, running: Running) -> dict[str, Net
 def read_network(weights: Path, network: str) -> Checkpoint:
     """The checkpoint of a .pth file, or of the only one in a folder.
 
-    Raises `WeightsError`, which names both networks, if it is another one than `network`.
+    Raises `WeightsError` if it is not of `network`; the message names both networks.
     """
     from ssiam.networks import read_checkpoint
 
@@ -66,15 +66,15 @@ def read_network(weights: Path, network: str) -> Checkpoint:
         )
     checkpoint = read_checkpoint(path)
     if checkpoint.name != network:
-        raise another_network(path, checkpoint.name, network)
+        raise wrong_network_error(path, checkpoint.name, network)
     return checkpoint
 
 
-def another_network(path: Path, found: str, wanted: str) -> WeightsError:
-    """The error for weights that are in order and not those that were asked for."""
+def wrong_network_error(path: Path, found: str, expected: str) -> WeightsError:
+    """The error for valid weights of another network than the expected one."""
     return WeightsError(
-        f"weights {path} are those of {found}, not of {wanted}: "
-        f"give a file of {wanted}, or choose a tracker with {found}"
+        f"weights {path} are those of {found}, not of {expected}: "
+        f"give a file of {expected}, or choose a tracker with {found}"
     )
 
 
@@ -82,6 +82,6 @@ def _only_checkpoint(folder: Path) -> Path:
     files = sorted(folder.glob("*.pth"))
     if len(files) != 1:
         raise WeightsError(
-            f"weights folder {folder} holds {len(files)} .pth files: give one of them by its path"
+            f"weights folder {folder} holds {len(files)} .pth files: give the path of one of them"
         )
     return files[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
-from ssiam.runtime import DeviceName, Precision, Running, RuntimeName
+from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.lite import SHIPPED, LiteName, LiteNetworks, LiteTracker
@@ -73,17 +73,17 @@ def load_tracker(
     """
     name = name or DEFAULT_TRACKER
     check_choice("tracker", name, TRACKERS)
-    running = Running(runtime, threads, precision, device)
+    running = RuntimeOptions(runtime, threads, precision, device)
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
     return SteadiedTracker(_view_tracker(name, path, running), config)
 
 
-def _view_tracker(name: TrackerName, weights: Path | None, running: Running) -> ViewTracker:
+def _view_tracker(name: TrackerName, weights: Path | None, running: RuntimeOptions) -> ViewTracker:
     if name == "csrt" or name == "kcf" or name == "mil":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
-        if running.precision != "f32" or running.where != "cpu":
+        if running.precision != "f32" or running.resolved_device != "cpu":
             raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
         return OpenCvTracker(name)
     if name == "lite":

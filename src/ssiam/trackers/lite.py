@@ -17,7 +17,7 @@ import numpy as np
 from ssiam.copying import CopiedWhole
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, Running, Tensor
+from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
@@ -67,7 +67,7 @@ class LiteNetworks:
     search: Network
 
     @classmethod
-    def load(cls, weights: Path, running: Running) -> LiteNetworks:
+    def load(cls, weights: Path, running: RuntimeOptions) -> LiteNetworks:
         """The networks of a folder that `ssiam train` has written.
 
         Raises
@@ -77,7 +77,7 @@ class LiteNetworks:
         ArgumentError
             They cannot run so.
         """
-        from ssiam.runtime.pieces import load_pieces
+        from ssiam.runtime.loading import load_pieces
 
         if running.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")

@@ -15,7 +15,7 @@ import numpy as np
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, Running, Tensor
+from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
@@ -78,7 +78,7 @@ class Lite2Networks:
     search: Network
 
     @classmethod
-    def load(cls, weights: Path, running: Running) -> Lite2Networks:
+    def load(cls, weights: Path, running: RuntimeOptions) -> Lite2Networks:
         """The networks of a folder that `ssiam train` has written.
 
         Raises
@@ -88,7 +88,7 @@ class Lite2Networks:
         ArgumentError
             They cannot run so.
         """
-        from ssiam.runtime.pieces import load_pieces
+        from ssiam.runtime.loading import load_pieces
 
         if running.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from ssiam.errors import WeightsError
-from ssiam.runtime import PUBLISHED, Publication, Running
+from ssiam.runtime import MODEL_ZOO, PublishedWeights, RuntimeOptions
 from ssiam.trackers import siammask, siamrpn
 from ssiam.trackers.siamfc import SiamFc, SiamFcName, SiamFcNetworks
 from ssiam.trackers.siammask import SiamMask, SiamMaskName, SiamMaskNetworks, SiamMaskParameters
@@ -21,7 +21,7 @@ _PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
 
 
 def siamese_tracker(
-    name: SiameseName, weights: Path, running: Running
+    name: SiameseName, weights: Path, running: RuntimeOptions
 ) -> SiamFc | SiamRpn | SiamMask:
     """A tracker of the paper's.
 
@@ -30,12 +30,12 @@ def siamese_tracker(
     name : str
     weights : Path
         The authors' .pth file, or a folder of exported .onnx files; see
-        `ssiam.runtime.pieces.load_pieces`, also for the errors.
-    running : Running
+        `ssiam.runtime.loading.load_pieces`, also for the errors.
+    running : RuntimeOptions
     """
-    from ssiam.runtime.pieces import load_pieces
+    from ssiam.runtime.loading import load_pieces
 
-    pieces = load_pieces(weights, PUBLISHED[name].network, running)
+    pieces = load_pieces(weights, MODEL_ZOO[name].network, running)
     template, search = pieces["template"], pieces["search"]
     if name == "siamfc":
         return SiamFc(SiamFcNetworks(template, search))
@@ -49,19 +49,19 @@ def needed_weights(name: str, weights: Path | None) -> Path:
     """`weights`, or those that were imported for the tracker; `WeightsError` if there are none."""
     if weights is not None:
         return weights
-    publication = PUBLISHED[name]
+    publication = MODEL_ZOO[name]
     found = imported(publication)
     if found is None:
         raise WeightsError(
             f"tracker {name} needs weights: its authors publish {publication.file} at "
-            f"{publication.where}; give its path"
+            f"{publication.source}; give its path"
         )
     return found
 
 
-def imported(publication: Publication) -> Path | None:
+def imported(publication: PublishedWeights) -> Path | None:
     """Where weights have been imported, in the folders of `weight_folders`; None if nowhere."""
-    folders = [folder / publication.local for folder in weight_folders()]
+    folders = [folder / publication.folder for folder in weight_folders()]
     return next((folder for folder in folders if folder.is_dir()), None)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from ssiam.errors import WeightsError
-from ssiam.runtime import Network, Precision, Running, load_network
+from ssiam.runtime import Network, Precision, RuntimeOptions, load_network
 from ssiam.trackers.siamese import EXEMPLAR
 
 NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3"]
@@ -35,7 +35,7 @@ class NanoTrackNetworks:
     head: Network
 
     @classmethod
-    def load(cls, name: NanoTrackName, weights: Path, running: Running) -> NanoTrackNetworks:
+    def load(cls, name: NanoTrackName, weights: Path, running: RuntimeOptions) -> NanoTrackNetworks:
         """Networks from the folder that holds the two ONNX files, or from one of the two.
 
         With precision "int8" the backbone must be quantised, and the head may be. Raises
@@ -72,12 +72,12 @@ class NanoTrackNetworks:
             features != wanted_features
             or self.head.input_shapes != [shapes[0] for shapes in wanted_features]
             or self.head.output_shapes != wanted_maps
-            or self.head.convolutions != _HEAD_CONVOLUTIONS[name]
+            or self.head.convolution_count != _HEAD_CONVOLUTIONS[name]
         ):
             raise WeightsError(
                 f"{weights} holds weights of another network than {name}: "
                 f"features {features[1][0]}, maps {self.head.output_shapes}, "
-                f"{self.head.convolutions} convolutions in the head; wanted "
+                f"{self.head.convolution_count} convolutions in the head; wanted "
                 f"{wanted_features[1][0]}, {wanted_maps}, {_HEAD_CONVOLUTIONS[name]}"
             )
 

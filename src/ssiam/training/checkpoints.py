@@ -11,7 +11,7 @@ from typing import Any, Final
 import torch
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.networks.checkpoints import read_content
+from ssiam.networks.checkpoints import read_torch_file
 from ssiam.outputs import replaced
 from ssiam.training.config import from_table
 from ssiam.training.settings import TrainSettings
@@ -46,7 +46,7 @@ def read_state(folder: Path, settings: TrainSettings) -> State | None:
     if not path.exists():
         return None
     try:
-        content = read_content(path)
+        content = read_torch_file(path)
         theirs = json.loads(content.pop("settings"))
     except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise WeightsError(

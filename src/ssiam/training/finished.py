@@ -14,8 +14,8 @@ from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
 from ssiam.outputs import NamedPath, check_apart, output_error
-from ssiam.runtime.exported import OPSET, RECORD, Exported, put
 from ssiam.runtime.files import sha256
+from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, move_export
 from ssiam.training.checkpoints import CHECKPOINT, read_state, write_file
 from ssiam.training.ema import AnyNetwork
 from ssiam.training.metrics import METRICS
@@ -51,7 +51,7 @@ def check_run_outputs(
     ArgumentError
         The weights to begin with, the teacher's, or a set of data are what would be replaced.
     """
-    names = (CHECKPOINT, METRICS, WEIGHTS, *(f"{piece}.onnx" for piece in _PIECES), RECORD)
+    names = (CHECKPOINT, METRICS, WEIGHTS, *(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
     check_apart(outputs, [*inputs, *_inputs(settings)])
 
@@ -83,7 +83,7 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
     try:
         with TemporaryDirectory(dir=folder, prefix=".network-") as temporary:
             pieces = _write(network, Path(temporary))
-            put(Path(temporary), folder, [WEIGHTS, *(f"{piece}.onnx" for piece in pieces)])
+            move_export(Path(temporary), folder, [WEIGHTS, *(f"{piece}.onnx" for piece in pieces)])
     except OSError as error:
         raise output_error(folder, error) from error
 
@@ -93,7 +93,7 @@ def _write(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
     write_file(folder / WEIGHTS, network.state_dict())
     if isinstance(network, BoxMaskNetwork):
         write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
-        masks = Exported("mask", "box_mask", sha256(folder / WEIGHTS), ("mask",))
+        masks = Manifest("mask", "box_mask", sha256(folder / WEIGHTS), ("mask",))
         masks.write(folder)
         return masks.pieces
     graphs = inference_graphs(network)
@@ -109,7 +109,7 @@ def _write(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
     }
     for piece, graph in graphs.items():
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
-    record = Exported(NETWORK, name, sha256(folder / WEIGHTS), tuple(graphs))
+    record = Manifest(NETWORK, name, sha256(folder / WEIGHTS), tuple(graphs))
     record.write(folder)
     return record.pieces
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ssiam.networks.lite2 import Lite2Network, Lite2Responses
-from ssiam.networks.starting_weights import load_lite2
+from ssiam.networks.pretrained import load_lite2
 from ssiam.training.batches import Batch
 from ssiam.training.lite2_losses import lite2_losses
 from ssiam.training.settings import OptimiserSettings, TrainSettings
@@ -46,7 +46,7 @@ class Lite2Student(nn.Module):
         """Free what learns in a step; to be called before every step."""
         self.network.requires_grad_(True)
         self.network.backbone.requires_grad_(False)
-        for parameter in self.network.backbone.upper_weights():
+        for parameter in self.network.backbone.upper_parameters():
             parameter.requires_grad_(step >= self._settings.network.frozen_steps)
 
     def parts(self, settings: OptimiserSettings) -> list[tuple[list[nn.Parameter], float]]:
@@ -54,7 +54,7 @@ class Lite2Student(nn.Module):
         network = self.network
         new = [*network.relation.parameters(), *network.quality.parameters()]
         return [
-            (network.backbone.upper_weights(), settings.backbone),
+            (network.backbone.upper_parameters(), settings.backbone),
             (list(network.head.parameters()), settings.head),
             (new, 1.0),
         ]

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from ssiam.networks.box_mask import BoxMaskNetwork
-from ssiam.networks.starting_weights import load_imagenet, load_weights_of
+from ssiam.networks.pretrained import load_imagenet, load_run_weights
 from ssiam.training.losses import mask_losses
 from ssiam.training.mask_crops import MaskBatch
 from ssiam.training.network_settings import NetworkSettings
@@ -34,7 +34,7 @@ class MaskStudent(nn.Module):
         if settings.begin_path is None:
             load_imagenet(self.network.backbone, settings.weights_path)
         else:
-            load_weights_of(self.network, settings.begin_path)
+            load_run_weights(self.network, settings.begin_path)
 
     def prepare(self, step: int) -> None:
         """Everything learns in every step."""

@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ssiam.networks.efficientnet_lite import STEM_LEVELS, EfficientNetLite0
-from ssiam.networks.starting_weights import load_imagenet
+from ssiam.networks.backbones.efficientnet_lite import STEM_LEVELS, EfficientNetLite0
+from ssiam.networks.pretrained import load_imagenet
 from ssiam.runtime import Precision
 from ssiam.training.batches import SEARCH
 from ssiam.training.trunk import Trunk

@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.networks.efficientnet_lite import STEM_LEVELS
+from ssiam.networks.backbones.efficientnet_lite import STEM_LEVELS
 from ssiam.networks.lite import LiteNetwork, LiteResponses
-from ssiam.networks.starting_weights import load_imagenet, load_trained
+from ssiam.networks.pretrained import load_imagenet, load_lite
 from ssiam.runtime import Precision
 from ssiam.training.batches import SEARCH, TEMPLATE
 from ssiam.training.network_settings import NetworkSettings
@@ -60,7 +60,7 @@ class Student(nn.Module):
         if settings.begin_path is None:
             load_imagenet(self.network.backbone, settings.weights_path)
         else:
-            load_trained(self.network, settings.begin_path)
+            load_lite(self.network, settings.begin_path)
         self.adapter = Adapter() if taught else None
         self._settings, self._threads, self._precision = settings, threads, precision
         self._frozen: int | None = None
@@ -94,7 +94,7 @@ class Student(nn.Module):
     def backbone_weights(self, frozen_levels: int) -> list[nn.Parameter]:
         """The parameters of the backbone after its first levels, without a light stem's."""
         deeper = range(max(frozen_levels, 1), self.network.backbone.levels)
-        stages = [self.network.backbone.stage_weights(number) for number in deeper]
+        stages = [self.network.backbone.stage_parameters(number) for number in deeper]
         return [parameter for stage in stages for parameter in stage]
 
     def stem_loss(self, search: NDArray[np.uint8]) -> Tensor:
@@ -117,7 +117,7 @@ class Student(nn.Module):
         backbone = self.network.backbone
         if self._trunk is None:
             return backbone.lower(_crops(crops), backbone.levels)
-        return backbone.completed(self._trunk(crops))
+        return backbone.complete(self._trunk(crops))
 
     def _prepare_stem(self) -> None:
         if self._lesson is not None:

@@ -11,9 +11,9 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.networks.efficientnet_lite import CHANNELS
+from ssiam.networks.backbones.efficientnet_lite import CHANNELS
 from ssiam.networks.lite import LiteResponses
-from ssiam.runtime import Running
+from ssiam.runtime import RuntimeOptions
 from ssiam.trackers.nanotrack_networks import NanoTrackNetworks
 from ssiam.training.losses import overlaps
 from ssiam.training.settings import TeacherSettings
@@ -63,7 +63,9 @@ class Teacher:
     """
 
     def __init__(self, weights: Path, threads: int) -> None:
-        self._networks = NanoTrackNetworks.load("nanotrack_v3", weights, Running(threads=threads))
+        self._networks = NanoTrackNetworks.load(
+            "nanotrack_v3", weights, RuntimeOptions(threads=threads)
+        )
 
     def lesson(self, template: NDArray[np.uint8], search: NDArray[np.uint8]) -> Lesson:
         """What it says of crops (N, 3, 127, 127) and (N, 3, 255, 255) uint8 BGR."""

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from ssiam.errors import WeightsError
-from ssiam.runtime.openvino import computes_in_bf16
+from ssiam.runtime.openvino import supports_bf16
 from ssiam.training.batches import Batch
 from ssiam.training.ema import Average
 from ssiam.training.lite2_student import Lite2Student
@@ -60,7 +60,7 @@ class Trainer:
                 settings.network,
                 taught=teacher is not None,
                 threads=settings.threads,
-                precision="bf16" if computes_in_bf16() else "f32",
+                precision="bf16" if supports_bf16() else "f32",
             )
         # Its overloads differ between versions of PyTorch.
         cast(Any, self._student).to(memory_format=torch.channels_last)

@@ -11,11 +11,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ssiam.networks.efficientnet_lite import EfficientNetLite0
-from ssiam.networks.export import write_onnx
-from ssiam.networks.graphs import LowerGraph
+from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
+from ssiam.networks.export import BackboneGraph, write_onnx
 from ssiam.runtime import Network, Precision, load_network
-from ssiam.runtime.exported import OPSET
+from ssiam.runtime.manifest import OPSET
 
 __all__ = ["Trunk"]
 
@@ -43,7 +42,7 @@ class Trunk:
         precision: Precision = "f32",
     ) -> None:
         self.count = count
-        graph = LowerGraph(backbone, count)
+        graph = BackboneGraph(backbone, count)
         self._networks: dict[int, Network] = {}
         for side in sides:
             with TemporaryDirectory(prefix="ssiam-") as folder:

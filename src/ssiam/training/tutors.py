@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import Image
 from ssiam.networks.lite2 import CELLS, STRIDE
-from ssiam.runtime import Running, load_network
-from ssiam.runtime.openvino import computes_in_bf16
+from ssiam.runtime import RuntimeOptions, load_network
+from ssiam.runtime.openvino import supports_bf16
 from ssiam.trackers.nanotrack_networks import NanoTrackNetworks
 from ssiam.training.batches import Batch, Lessons
 from ssiam.training.pairs import PairSampler
@@ -62,7 +62,7 @@ class Tutors:
 
     def __init__(self, settings: TeacherSettings, threads: int = 1) -> None:
         self._agreement = settings.agreement
-        running = Running(threads=threads, precision="bf16" if computes_in_bf16() else "f32")
+        running = RuntimeOptions(threads=threads, precision="bf16" if supports_bf16() else "f32")
         self._nano = NanoTrackNetworks.load("nanotrack_v3", Path(settings.weights), running)
         self._fear = None if settings.fear is None else _Fear(Path(settings.fear), running)
 
@@ -131,7 +131,7 @@ class TaughtSampler:
 class _Fear:
     """FEAR-XS on crops that were cut for other networks."""
 
-    def __init__(self, weights: Path, running: Running) -> None:
+    def __init__(self, weights: Path, running: RuntimeOptions) -> None:
         self._template, self._search = (
             load_network(
                 weights / f"fear_{piece}.onnx",

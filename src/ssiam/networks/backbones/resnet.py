@@ -1,7 +1,7 @@
 """ResNet-50 with dilated layers in place of strides: the backbone of SiamRPN++ and SiamMask.
 
-Layers 3 and 4 keep stride 8 (SiamRPN++, section 3.2). The shortcuts of layers 2 to 4 are 3 x 3, so
-the weights of an ordinary ResNet-50 do not fit.
+Layers 3 and 4 keep stride 8 (SiamRPN++, section 3.2). The shortcuts of layers 2 to 4 are 3 x 3
+convolutions, so the weights of a standard ResNet-50 do not fit.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 __all__ = ["ResNet50"]
 
-_EXPANSION: Final = 4  # channels of a block's output by those of its 3 x 3 convolution
+_EXPANSION: Final = 4  # output channels of a block per channel of its 3 x 3 convolution
 
 
 class _Layer(NamedTuple):
@@ -32,13 +32,15 @@ _LAYERS: Final = {
 
 
 class ResNet50(nn.Module):
-    """Features of several depths; 15 x 15 for a crop of 127, 31 x 31 for one of 255 from layer 2.
+    """Features of several layers.
+
+    From layer 2 on they have 15 x 15 cells for a crop of 127 px and 31 x 31 for one of 255 px.
 
     Parameters
     ----------
     levels : sequence of int
-        Which features are returned: 0 of the first convolution (64 channels, stride 2), 1 to 4 of
-        the layers (256, 512, 1024 and 2048 channels). Layers deeper than the last are left out.
+        Which features are returned: 0 for the first convolution (64 channels, stride 2), 1 to 4
+        for the layers (256, 512, 1024 and 2048 channels). Deeper layers are not built.
     """
 
     def __init__(self, levels: Sequence[int]) -> None:
@@ -51,7 +53,7 @@ class ResNet50(nn.Module):
         channels = 64
         for number in range(1, max(levels) + 1):
             layer = _LAYERS[number]
-            self.add_module(f"layer{number}", _stacked(channels, layer))
+            self.add_module(f"layer{number}", _make_layer(channels, layer))
             channels = layer.planes * _EXPANSION
 
     def forward(self, crop: Tensor) -> list[Tensor]:
@@ -66,11 +68,11 @@ class ResNet50(nn.Module):
 
 
 class _Bottleneck(nn.Module):
-    def __init__(self, channels: int, planes: int, shape: _Shape, shortcut: nn.Module) -> None:
+    def __init__(self, channels: int, planes: int, spec: _ConvSpec, shortcut: nn.Module) -> None:
         super().__init__()
         self.conv1 = nn.Conv2d(channels, planes, 1, bias=False)
         self.bn1 = nn.BatchNorm2d(planes)
-        self.conv2 = _shaped(planes, planes, 3, shape)
+        self.conv2 = _conv(planes, planes, 3, spec)
         self.bn2 = nn.BatchNorm2d(planes)
         self.conv3 = nn.Conv2d(planes, planes * _EXPANSION, 1, bias=False)
         self.bn3 = nn.BatchNorm2d(planes * _EXPANSION)
@@ -85,8 +87,8 @@ class _Bottleneck(nn.Module):
         return activated
 
 
-class _Shape(NamedTuple):
-    """How a block's 3 x 3 convolution steps; with a stride it is not padded."""
+class _ConvSpec(NamedTuple):
+    """Stride and dilation of a block's 3 x 3 convolution; with a stride it has no padding."""
 
     stride: int
     dilation: int
@@ -96,22 +98,22 @@ class _Shape(NamedTuple):
         return self.dilation if self.stride == 1 else 0
 
 
-def _stacked(channels: int, layer: _Layer) -> nn.Sequential:
+def _make_layer(channels: int, layer: _Layer) -> nn.Sequential:
     out = layer.planes * _EXPANSION
-    first = _Shape(layer.stride, max(layer.dilation // 2, 1))
+    first = _ConvSpec(layer.stride, max(layer.dilation // 2, 1))
     shortcut = nn.Sequential(_shortcut(channels, out, first, layer), nn.BatchNorm2d(out))
     blocks = [_Bottleneck(channels, layer.planes, first, shortcut)]
     for _ in range(1, layer.blocks):
-        blocks.append(_Bottleneck(out, layer.planes, _Shape(1, layer.dilation), nn.Identity()))
+        blocks.append(_Bottleneck(out, layer.planes, _ConvSpec(1, layer.dilation), nn.Identity()))
     return nn.Sequential(*blocks)
 
 
-def _shortcut(channels: int, out: int, shape: _Shape, layer: _Layer) -> nn.Conv2d:
-    """1 x 1 where the layer neither strides nor dilates, else shaped as the block's 3 x 3."""
+def _shortcut(channels: int, out: int, spec: _ConvSpec, layer: _Layer) -> nn.Conv2d:
+    """1 x 1 if the layer has no stride or dilation, else like the block's 3 x 3 convolution."""
     if layer.stride == layer.dilation == 1:
         return nn.Conv2d(channels, out, 1, bias=False)
-    return _shaped(channels, out, 3, shape)
+    return _conv(channels, out, 3, spec)
 
 
-def _shaped(channels: int, out: int, side: int, shape: _Shape) -> nn.Conv2d:
-    return nn.Conv2d(channels, out, side, shape.stride, shape.padding, shape.dilation, bias=False)
+def _conv(channels: int, out: int, side: int, spec: _ConvSpec) -> nn.Conv2d:
+    return nn.Conv2d(channels, out, side, spec.stride, spec.padding, spec.dilation, bias=False)

@@ -1,6 +1,6 @@
-"""Weights by rule, the same here and where the golden arrays were made.
+"""Deterministic weights, the same as those with which the golden arrays were made.
 
-A weight's random numbers are seeded by its name, so nothing but names and shapes is stored.
+The random numbers of a weight are seeded by its name, so only names and shapes are stored.
 """
 
 import gzip
@@ -13,7 +13,7 @@ import numpy as np
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "networks"
 
-# They keep activations sane; the first that a name ends with counts.
+# Factors by the end of a weight's name; the first match counts. They keep activations in range.
 FACTORS = {
     "backbone.conv1.weight": 1 / 64,
     "backbone.layer0.0.weight": 1 / 64,
@@ -35,23 +35,23 @@ def generator(seed):
     return np.random.Generator(np.random.PCG64(seed))
 
 
-def crop(seed, side, count=1):
-    """A crop of noise (count, 3, side, side), float32 in 0..255."""
+def noise_crop(seed, side, count=1):
+    """Crops of noise (count, 3, side, side), float32 in 0..255."""
     return generator(seed).integers(0, 256, (count, 3, side, side)).astype(np.float32)
 
 
 @cache
-def key_lists():
-    """Shapes by name of every checkpoint: {checkpoint: {name: shape}}."""
+def checkpoint_shapes():
+    """Shapes of the weights of every checkpoint: {checkpoint: {name: shape}}."""
     lists = json.loads(gzip.decompress((GOLDEN / "keys.json.gz").read_bytes()))
     return {
         name: {key: tuple(shape) for key, shape in keys.items()} for name, keys in lists.items()
     }
 
 
-def rule_weights(keys):
+def seeded_weights(shapes):
     """Arrays by name for {name: shape}."""
-    return {key: _weight(key, shape) for key, shape in keys.items()}
+    return {key: _weight(key, shape) for key, shape in shapes.items()}
 
 
 def _weight(key, shape):

@@ -1,4 +1,4 @@
-"""What can be asked of which runtime, and what is said where it cannot be had."""
+"""RuntimeOptions: unsupported combinations, defaults, and missing packages."""
 
 import subprocess
 import sys
@@ -6,11 +6,11 @@ import sys
 import pytest
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.runtime import Running, load_network
+from ssiam.runtime import RuntimeOptions, load_network
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         pytest.param({"runtime": "magic"}, "unknown runtime 'magic'", id="runtime"),
         pytest.param({"precision": "f64"}, "unknown precision 'f64'", id="precision"),
@@ -23,21 +23,22 @@ from ssiam.runtime import Running, load_network
         pytest.param(
             {"runtime": "onnxruntime", "precision": "bf16"},
             "onnxruntime has no precision 'bf16': choose from f32, int8",
-            id="precision of another",
+            id="precision of another runtime",
         ),
         pytest.param(
-            {"runtime": "torch", "precision": "f16"}, "f16 needs device cuda or mps", id="half"
+            {"runtime": "torch", "precision": "f16"}, "f16 needs device cuda or mps", id="f16"
         ),
     ],
 )
-def test_what_there_is_not(arguments, complaint):
-    with pytest.raises(ArgumentError, match=complaint):
-        Running(**arguments)
+def test_unsupported_options_are_refused(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        RuntimeOptions(**arguments)
 
 
-def test_defaults():
-    assert Running().where == "cpu"
-    assert Running("torch", precision="f16", device="cuda").where == "cuda"
+def test_the_default_device_is_the_cpu():
+    assert RuntimeOptions().resolved_device == "cpu"
+    cuda = RuntimeOptions("torch", precision="f16", device="cuda")
+    assert cuda.resolved_device == "cuda"
 
 
 def test_pytorch_does_not_run_onnx(tmp_path):
@@ -50,8 +51,8 @@ def test_pytorch_does_not_run_onnx(tmp_path):
     [
         ("onnxruntime", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
         ("onnx", "load_network(Path('x.onnx'), runtime='onnxruntime')", "onnxruntime"),
-        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('torch'))", "torch"),
-        ("torch", "load_pieces(Path('x.pth'), 'siamfc', Running('openvino'))", "torch"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', RuntimeOptions('torch'))", "torch"),
+        ("torch", "load_pieces(Path('x.pth'), 'siamfc', RuntimeOptions('openvino'))", "torch"),
     ],
 )
 def test_a_missing_extra_is_named(tmp_path, package, code, extra):
@@ -61,8 +62,7 @@ def test_a_missing_extra_is_named(tmp_path, package, code, extra):
         f"import sys; sys.modules[{package!r}] = None\n"
         "from pathlib import Path\n"
         "from ssiam import MissingExtraError\n"
-        "from ssiam.runtime import Running, load_network\n"
-        "from ssiam.runtime.pieces import load_pieces\n"
+        "from ssiam.runtime import RuntimeOptions, load_network, load_pieces\n"
         f"try:\n    {code}\nexcept MissingExtraError as error:\n    print(error)\n"
     )
     done = subprocess.run(

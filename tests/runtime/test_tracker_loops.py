@@ -1,6 +1,6 @@
-"""Whole trackers, networks included, against the reference trackers, in PyTorch.
+"""Complete trackers with their networks, in PyTorch, against the reference trackers.
 
-With the environment variable SSIAM_SLOW all trackers run over all frames.
+With the environment variable SSIAM_SLOW all trackers run on all frames.
 """
 
 import cv2
@@ -13,15 +13,15 @@ from helpers.network_models import SLOW, checkpoint
 from helpers.synthetic import golden_video
 from helpers.tracker_loops import chosen_indices, corner_distance
 from ssiam import FrameView
-from ssiam.runtime import Running
+from ssiam.runtime import RuntimeOptions
 from ssiam.trackers.loading import siamese_tracker
 
 FRAMES = 12  # of the golden loops
-UNSURE = 1e-4  # margin below which another candidate may win
-# Pixels: of the mask one may lie at the threshold, and OpenCV 4 pastes masks otherwise.
-POLYGON = 1.5 if cv2.__version__.startswith("5") else 3.0
+MIN_MARGIN = 1e-4  # score margin below which another candidate may win
+# px: one mask pixel may be at the threshold, and OpenCV 4 pastes masks differently.
+MAX_CORNER_DISTANCE = 1.5 if cv2.__version__.startswith("5") else 3.0
 
-LOOPS = {  # golden loop: tracker, golden network, frames that are always run
+LOOPS = {  # golden loop: tracker, golden network, frames without SSIAM_SLOW
     "siamfc": ("siamfc", "siamfc", 6),
     "siamrpn_alex_dwxcorr": ("siamrpn_alex_dwxcorr",) * 2 + (12,),
     "siamrpn_mobilev2_l234_dwxcorr": ("siamrpn_mobilev2_l234_dwxcorr",) * 2 + (6,),
@@ -33,23 +33,23 @@ LOOPS = {  # golden loop: tracker, golden network, frames that are always run
 
 
 @pytest.mark.parametrize("loop", LOOPS)
-def test_loop_is_the_reference(golden, monkeypatch, loop):
-    name, network, always = LOOPS[loop]
+def test_boxes_and_scores_match_the_reference(golden, monkeypatch, loop):
+    name, network, count = LOOPS[loop]
     z = golden(f"loops/net_{loop}_A.npz")
     frames, box = golden_video("A", FRAMES)
-    tracker = siamese_tracker(name, checkpoint(network), Running("torch"))
+    tracker = siamese_tracker(name, checkpoint(network), RuntimeOptions("torch"))
     indices = chosen_indices(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
-    for t, frame in enumerate(frames[1 : None if SLOW else always]):
+    for t, frame in enumerate(frames[1 : None if SLOW else count]):
         track = tracker.track(FrameView(frame))
         if name == "siamfc":
             x, y, w, h = track.box
             assert (x + 1, y + 1, w, h) == pytest.approx(z["box_1based"][t], abs=1e-3)
             continue
-        if np.min(z["margin"][: t + 1]) <= UNSURE and indices[t] != z["best_idx"][t]:
+        if np.min(z["margin"][: t + 1]) <= MIN_MARGIN and indices[t] != z["best_idx"][t]:
             break
         assert indices[t] == z["best_idx"][t]
         assert track.box == pytest.approx(z["bbox"][t], abs=1e-3)
         assert track.score == pytest.approx(z["score"][t], abs=1e-5)
         if "polygon" in z:
-            assert corner_distance(track.corners, z["polygon"][t]) < POLYGON
+            assert corner_distance(track.corners, z["polygon"][t]) < MAX_CORNER_DISTANCE

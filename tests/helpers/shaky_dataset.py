@@ -1,16 +1,16 @@
-"""A dataset of small shaking clips, written to disk in OTB's layout."""
+"""A dataset of small clips with a shaking camera, written to disk in OTB's layout."""
 
 import cv2
 import numpy as np
 
 from helpers.synthetic import generator, poses, seen, world
 
-SIZE = (160, 120)
+SIZE = (160, 120)  # width, height
 TARGET = (28, 22)  # width, height
 
 
 def write_dataset(folder, sequences=3, frames=24):
-    """Clips of a patch that walks over a shaking background, one of them jumping out of reach."""
+    """Clips of a patch that moves over a shaking background and jumps once, halfway."""
     for number in range(sequences):
         write_sequence(folder / f"clip{number}", number, frames)
     return folder
@@ -28,7 +28,7 @@ def write_sequence(folder, seed, frames):
     for index, pose in enumerate(path):
         x, y = 20 + 2 * index, 40 + index
         if index == frames // 2:
-            x, y = 100, 5  # a jump that loses most trackers
+            x, y = 100, 5  # a jump that most trackers do not survive
         frame = seen(background, pose)
         frame[y : y + TARGET[1], x : x + TARGET[0]] = patch
         cv2.imwrite(str(images / f"{index + 1:04d}.jpg"), frame)

@@ -1,4 +1,4 @@
-"""What the networks have in common: a piece of the template and a piece of the search crop."""
+"""The base class of all Siamese networks: one piece for the template, one for the search crop."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class SiameseNetwork(nn.Module, ABC):
     Attributes
     ----------
     template_shape, search_shape : tuple of int
-        Shapes of the crops, float32 in 0..255, not normalised.
+        Shapes (N, 3, S, S) of the crops: float32 in 0..255, not normalized.
     kernel_names, response_names : tuple of str
-        Names of what `template` and `search` return.
+        Names of the tensors that `template` and `search` return.
     """
 
     template_shape: tuple[int, ...] = (1, 3, 127, 127)
@@ -30,17 +30,17 @@ class SiameseNetwork(nn.Module, ABC):
 
     @abstractmethod
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """All that depends on a template crop alone, to be computed once a target."""
+        """Everything that depends only on a template crop, computed once per target."""
 
     @abstractmethod
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, ...]:
-        """Responses of a search crop to what `template` returned.
+        """Responses of a search crop to the output of `template`.
 
-        With `sliced`, correlations are written as sums of slices, for export.
+        With `sliced`, correlations are computed as sums of slices, for export.
         """
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, ...]:
-        """Responses of a template crop and a search crop."""
+        """Responses of a search crop to a template crop."""
         return self.search(search, self.template(template))

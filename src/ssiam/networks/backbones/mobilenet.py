@@ -1,4 +1,4 @@
-"""MobileNetV2, 1.4 times as wide and with dilated layers: a light backbone of SiamRPN++."""
+"""MobileNetV2 of width 1.4 with dilated layers: the light backbone of SiamRPN++."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _WIDTH: Final = 1.4
 
 class _Layer(NamedTuple):
     expansion: int
-    channels: int  # before the width's factor
+    channels: int  # before multiplication by _WIDTH
     blocks: int
     stride: int
     dilation: int
 
 
-_STEM: Final = 32  # channels before the width's factor
+_STEM: Final = 32  # channels, before multiplication by _WIDTH
 _LAYERS: Final = (
     _Layer(1, 16, 1, 1, 1),
     _Layer(6, 24, 2, 2, 1),
@@ -33,23 +33,25 @@ _LAYERS: Final = (
 
 
 class MobileNetV2(nn.Module):
-    """Features of several depths; 15 x 15 for a crop of 127, 31 x 31 for one of 255 from layer 3.
+    """Features of several layers.
+
+    From layer 3 on they have 15 x 15 cells for a crop of 127 px and 31 x 31 for one of 255 px.
 
     Parameters
     ----------
     levels : sequence of int
-        Which layers' features are returned: 3, 5 and 7 have 44, 134 and 448 channels.
+        Layers whose features are returned; 3, 5 and 7 have 44, 134 and 448 channels.
     """
 
     def __init__(self, levels: Sequence[int]) -> None:
         super().__init__()
         self._levels = tuple(levels)
-        channels = _widened(_STEM)
-        self.layer0 = nn.Sequential(*_normed(nn.Conv2d(3, channels, 3, stride=2, bias=False)))
+        channels = _scaled(_STEM)
+        self.layer0 = nn.Sequential(*_conv_norm(nn.Conv2d(3, channels, 3, stride=2, bias=False)))
         dilation = 1
         for number, layer in enumerate(_LAYERS, start=1):
-            self.add_module(f"layer{number}", _stacked(channels, layer, dilation))
-            channels, dilation = _widened(layer.channels), layer.dilation
+            self.add_module(f"layer{number}", _make_layer(channels, layer, dilation))
+            channels, dilation = _scaled(layer.channels), layer.dilation
 
     def forward(self, crop: Tensor) -> list[Tensor]:
         """Features of the chosen layers of a crop (1, 3, S, S), shallow to deep."""
@@ -71,8 +73,8 @@ class _InvertedResidual(nn.Module):
         padding = dilation if dilation > 1 else 2 - stride
         self._residual = stride == 1 and channels == out
         self.conv = nn.Sequential(
-            *_normed(nn.Conv2d(channels, hidden, 1, bias=False)),
-            *_normed(
+            *_conv_norm(nn.Conv2d(channels, hidden, 1, bias=False)),
+            *_conv_norm(
                 nn.Conv2d(hidden, hidden, 3, stride, padding, dilation, groups=hidden, bias=False)
             ),
             *[nn.Conv2d(hidden, out, 1, bias=False), nn.BatchNorm2d(out)],
@@ -83,11 +85,11 @@ class _InvertedResidual(nn.Module):
         return features + out if self._residual else out
 
 
-def _stacked(channels: int, layer: _Layer, dilation_before: int) -> nn.Sequential:
-    """A layer; where the dilation grows, its first block goes half the way."""
-    out = _widened(layer.channels)
-    grows = layer.dilation != dilation_before
-    dilation = max(layer.dilation // 2, 1) if grows else layer.dilation
+def _make_layer(channels: int, layer: _Layer, dilation_before: int) -> nn.Sequential:
+    """A layer; where the dilation changes, its first block has half of the new one."""
+    out = _scaled(layer.channels)
+    changes = layer.dilation != dilation_before
+    dilation = max(layer.dilation // 2, 1) if changes else layer.dilation
     blocks = [
         _InvertedResidual(channels, out, layer.expansion, stride=layer.stride, dilation=dilation)
     ]
@@ -98,9 +100,9 @@ def _stacked(channels: int, layer: _Layer, dilation_before: int) -> nn.Sequentia
     return nn.Sequential(*blocks)
 
 
-def _normed(convolution: nn.Conv2d) -> list[nn.Module]:
+def _conv_norm(convolution: nn.Conv2d) -> list[nn.Module]:
     return [convolution, nn.BatchNorm2d(convolution.out_channels), nn.ReLU6(inplace=True)]
 
 
-def _widened(channels: int) -> int:
+def _scaled(channels: int) -> int:
     return int(channels * _WIDTH)

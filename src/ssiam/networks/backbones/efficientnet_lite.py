@@ -1,9 +1,9 @@
-"""EfficientNet-Lite0 up to stride 16, its first five blocks as they were or lighter.
+"""EfficientNet-Lite0 up to stride 16, with the published or a lighter stem.
 
-EfficientNet (Tan and Le, ICML 2019) without squeeze-and-excitation and with ReLU6, as its authors
-trained it for phones. Names of the weights are those of the published checkpoint, and zeros are
-added at the edges as TensorFlow's "same" does: where one column more is needed on one side than on
-the other, on the right and at the bottom.
+EfficientNet (Tan and Le, ICML 2019) without squeeze-and-excitation and with ReLU6, the variant that
+its authors published for phones. Parameter names are those of the published checkpoint. Padding is
+TensorFlow's "same": where it is odd, the extra row is at the bottom and the extra column on the
+right.
 """
 
 from __future__ import annotations
@@ -19,77 +19,86 @@ from ssiam.errors import ArgumentError
 
 __all__ = ["CHANNELS", "STEM_LEVELS", "EfficientNetLite0"]
 
-CHANNELS: Final = (24, 40, 112)  # of the levels, strides 4, 8 and 16
+CHANNELS: Final = (24, 40, 112)  # of the levels: strides 4, 8 and 16
+STEM_LEVELS: Final = 2  # levels that a light stem computes
 
-STEM_LEVELS: Final = 2  # which a light stem gives
-
-_MEAN, _DEVIATION = 127.0, 128.0  # of the pixels, as the weights were trained
+_MEAN, _DEVIATION = 127.0, 128.0  # of the pixels in the training of the published weights
 _STEM: Final = 32  # channels
 _LIGHT_STEM: Final = 16
 _LIGHT_HIDDEN: Final = 32
-_KEEPS_UP: Final = 0.1  # momentum of the statistics of what learns from nothing
+_LIGHT_MOMENTUM: Final = 0.1  # of the light stem's batch norms: it is trained from scratch
 
 
 class _Block(NamedTuple):
-    channels: int
+    channels: int  # of the output
     side: int  # of the depthwise kernel
     stride: int = 1
     expansion: int = 6
 
 
-_STAGES: Final = (  # each ends at a level
+_STAGES: Final = (  # each ends with a level
     (_Block(16, 3, expansion=1), _Block(24, 3, 2), _Block(24, 3)),
     (_Block(40, 5, 2), _Block(40, 5)),
     (*[_Block(80, 3, 2), _Block(80, 3), _Block(80, 3)], *[_Block(112, 5)] * 3),
 )
-_STARTS: Final = tuple(accumulate(map(len, _STAGES[:-1]), initial=0))  # first block of each
-_ALL: Final = sum(map(len, _STAGES))  # blocks
-_SHALLOWEST: Final = _ALL - 2
+_STARTS: Final = tuple(accumulate(map(len, _STAGES[:-1]), initial=0))  # first block of each stage
+_MAX_BLOCKS: Final = sum(map(len, _STAGES))
+_MIN_BLOCKS: Final = _MAX_BLOCKS - 2  # the last two are residual
 
 
 class EfficientNetLite0(nn.Module):
-    """Features of strides 4, 8 and 16: 64, 32 and 16 cells a side for a crop of 255.
+    """Features of strides 4, 8 and 16: 64, 32 and 16 cells per side for a crop of 255 px.
 
-    Crops are (N, 3, S, S) float32 BGR in 0..255; the levels have `CHANNELS`. The features of cell
-    i of stride 4, 8 and 16 are centred on pixel 4 i + 2, 8 i + 6 and 16 i + 14 of a crop whose
-    side is a multiple of 16 less one.
+    Crops are (N, 3, S, S) float32 BGR in 0..255; the levels have `CHANNELS` channels. If S + 1 is a
+    multiple of 16, the receptive field of cell i is centered on pixel 4 i + 2, 8 i + 6 and
+    16 i + 14 at strides 4, 8 and 16.
 
     Parameters
     ----------
     blocks : int
-        9 to 11: of the last level's blocks, the last two only add to what is there.
+        Number of blocks, 9 to 11. The last two are residual, so they can be left out.
     light : bool
-        A `LightStem` makes the first two levels, in less than half of the time.
+        Compute the first two levels with a `LightStem`, in less than half of the time.
+
+    Raises
+    ------
+    ArgumentError
+        `blocks` is out of range.
     """
 
-    def __init__(self, blocks: int = _ALL, *, light: bool = False) -> None:
-        if not _SHALLOWEST <= blocks <= _ALL:
-            raise ArgumentError(f"blocks {blocks} of the backbone: give {_SHALLOWEST} to {_ALL}")
+    def __init__(self, blocks: int = _MAX_BLOCKS, *, light: bool = False) -> None:
+        if not _MIN_BLOCKS <= blocks <= _MAX_BLOCKS:
+            raise ArgumentError(
+                f"blocks {blocks} of the backbone: give {_MIN_BLOCKS} to {_MAX_BLOCKS}"
+            )
         super().__init__()
         self.stem = LightStem() if light else None
         if not light:
             self._conv_stem = nn.Conv2d(3, _STEM, 3, stride=2, bias=False)
             self._bn0 = _norm(_STEM)
         self._blocks = nn.ModuleDict()
-        everything = [block for stage in _STAGES for block in stage][:blocks]
-        before = (_STEM, *(block.channels for block in everything))
+        specs = [block for stage in _STAGES for block in stage][:blocks]
+        inputs = (_STEM, *(block.channels for block in specs))
         for number in range(_STARTS[STEM_LEVELS] if light else 0, blocks):
-            self._blocks[str(number)] = _InvertedResidual(before[number], everything[number])
+            self._blocks[str(number)] = _InvertedResidual(inputs[number], specs[number])
 
     def forward(self, crop: Tensor) -> list[Tensor]:
-        """The three levels of a crop."""
+        """Levels (N, 24, n, n), (N, 40, m, m) and (N, 112, k, k) of a crop (N, 3, S, S)."""
         return self.lower(crop, len(_STAGES))
 
     def lower(self, crop: Tensor, count: int) -> list[Tensor]:
         """The first `count` levels of a crop, 1 to 3."""
         pixels = (crop - _MEAN) / _DEVIATION
         if self.stem is not None:
-            return self.completed(self.stem(pixels), count)[:count]
-        features = F.relu6(_normalised(self._conv_stem, self._bn0, pixels))
-        return self.completed([self._stage(0, features)], count)
+            return self.complete(self.stem(pixels), count)[:count]
+        features = F.relu6(_conv_norm(self._conv_stem, self._bn0, pixels))
+        return self.complete([self._stage(0, features)], count)
 
-    def completed(self, levels: list[Tensor], count: int = len(_STAGES)) -> list[Tensor]:
-        """The first `count` levels, given the first of them: with a light stem two or three."""
+    def complete(self, levels: list[Tensor], count: int = len(_STAGES)) -> list[Tensor]:
+        """The first `count` levels, computed from the first one or more of them.
+
+        With a light stem at least two must be given.
+        """
         levels = list(levels)
         for number in range(len(levels), count):
             levels.append(self._stage(number, levels[-1]))
@@ -100,8 +109,8 @@ class EfficientNetLite0(nn.Module):
         """Number of levels."""
         return len(_STAGES)
 
-    def stage_weights(self, number: int) -> list[nn.Parameter]:
-        """The parameters that lead from level `number` - 1 to level `number`, 1 or 2."""
+    def stage_parameters(self, number: int) -> list[nn.Parameter]:
+        """Parameters between level `number` - 1 and level `number`, which is 1 or 2."""
         return [each for block in self._stage_blocks(number) for each in block.parameters()]
 
     def _stage(self, number: int, features: Tensor) -> Tensor:
@@ -111,17 +120,17 @@ class EfficientNetLite0(nn.Module):
         return out
 
     def _stage_blocks(self, number: int) -> list[nn.Module]:
-        """Those that lead from level `number` - 1 to level `number`; a light stem has none."""
+        """Blocks between level `number` - 1 and level `number`, without those of a light stem."""
         start = _STARTS[number]
         names = map(str, range(start, start + len(_STAGES[number])))
         return [self._blocks[name] for name in names if name in self._blocks]
 
 
 class LightStem(nn.Module):
-    """Levels of strides 4 and 8 as those of the first five blocks, from fewer and thinner ones.
+    """Levels of strides 4 and 8 in place of the first five blocks, from fewer and thinner blocks.
 
-    The second convolution is not depthwise: at its size that is quicker than to widen, filter and
-    narrow. Cells lie where those of `EfficientNetLite0` do.
+    The second convolution is not depthwise: at its size that is faster than an inverted residual.
+    Receptive fields have the centers that `EfficientNetLite0` gives.
     """
 
     def __init__(self) -> None:
@@ -139,12 +148,12 @@ class LightStem(nn.Module):
         )
         for module in self.modules():
             if isinstance(module, nn.BatchNorm2d):
-                module.momentum = _KEEPS_UP
+                module.momentum = _LIGHT_MOMENTUM
 
     def forward(self, pixels: Tensor) -> list[Tensor]:
-        """Levels (N, 24, n, n) and (N, 40, m, m) of normalised pixels (N, 3, S, S)."""
-        features = F.relu6(_normalised(self._conv_stem, self._bn0, pixels))
-        hidden = F.relu6(_normalised(self._conv_hidden, self._bn1, features))
+        """Levels (N, 24, n, n) and (N, 40, m, m) of normalized pixels (N, 3, S, S)."""
+        features = F.relu6(_conv_norm(self._conv_stem, self._bn0, pixels))
+        hidden = F.relu6(_conv_norm(self._conv_hidden, self._bn1, features))
         fine = self._fine(self._project(hidden))
         return [fine, self._coarse(fine)]
 
@@ -168,32 +177,32 @@ class _InvertedResidual(nn.Module):
     def forward(self, features: Tensor) -> Tensor:
         out: Tensor = features
         if self._expands:
-            out = F.relu6(_normalised(self._expand_conv, self._bn0, out))
-        out = F.relu6(_normalised(self._depthwise_conv, self._bn1, out))
-        projected = _normalised(self._project_conv, self._bn2, out)
+            out = F.relu6(_conv_norm(self._expand_conv, self._bn0, out))
+        out = F.relu6(_conv_norm(self._depthwise_conv, self._bn1, out))
+        projected = _conv_norm(self._project_conv, self._bn2, out)
         return features + projected if self._residual else projected
 
 
-def _normalised(convolution: nn.Conv2d, norm: nn.BatchNorm2d, features: Tensor) -> Tensor:
-    """A convolution, normalised; one operation where the statistics stay.
+def _conv_norm(convolution: nn.Conv2d, norm: nn.BatchNorm2d, features: Tensor) -> Tensor:
+    """A convolution and its batch normalization, as one operation if the statistics are fixed.
 
-    Gradients through the normalisations of their own took a third of a training step.
+    Backpropagation through separate normalizations took a third of a training step.
     """
     if norm.training:
-        normalised: Tensor = norm(_same(features, convolution, convolution.weight))
-        return normalised
+        normalized: Tensor = norm(_conv_same(features, convolution, convolution.weight))
+        return normalized
     mean, variance = norm.running_mean, norm.running_var
     assert mean is not None
     assert variance is not None
     scale = norm.weight / torch.sqrt(variance + norm.eps)
     weight = convolution.weight * scale[:, None, None, None]
-    return _same(features, convolution, weight, norm.bias - mean * scale)
+    return _conv_same(features, convolution, weight, norm.bias - mean * scale)
 
 
-def _same(
+def _conv_same(
     features: Tensor, convolution: nn.Conv2d, weight: Tensor, bias: Tensor | None = None
 ) -> Tensor:
-    """A convolution with TensorFlow's "same" padding: ceil(side / stride) cells come out."""
+    """A convolution with TensorFlow's "same" padding: the output has ceil(side / stride) cells."""
     stride, kernel = convolution.stride[0], convolution.kernel_size[0]
     side = int(features.shape[-1])
     total = max((-(-side // stride) - 1) * stride + kernel - side, 0)

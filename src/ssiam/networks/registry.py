@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import check_choice
-from ssiam.networks.siamese import SiameseNetwork
+from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.siamfc import SiamFC
 from ssiam.networks.siammask import SiamMask, SiamMaskBase
 from ssiam.networks.siamrpn import siamrpn_alex, siamrpn_mobilenet, siamrpn_resnet
@@ -38,18 +38,18 @@ _BUILDERS: Final[dict[NetworkName, Callable[[], SiameseNetwork]]] = {
 
 
 def build_network(name: NetworkName) -> SiameseNetwork:
-    """A network with random weights, ready for inference.
+    """A network with random weights, in evaluation mode.
 
     Parameters
     ----------
     name : str
-        One of `NETWORKS`, named as their authors' configurations: siamfc-pytorch's, pysot's, and
-        `siammask_base` for the SiamMask without refinement.
+        One of `NETWORKS`: names of the authors' configurations (siamfc-pytorch, pysot), and
+        `siammask_base` for SiamMask without refinement.
 
     Raises
     ------
     ArgumentError
-        For an unknown name.
+        The name is unknown.
     """
     check_choice("network", name, NETWORKS)
     return _BUILDERS[name]().eval()

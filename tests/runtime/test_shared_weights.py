@@ -1,4 +1,4 @@
-"""Large pieces on OpenVINO: one file of both in the cache folder, and what it is when it fails."""
+"""Large pieces on OpenVINO: one cached file for both, and the fallback without it."""
 
 import os
 import shutil
@@ -10,9 +10,9 @@ pytest.importorskip("torch")
 pytest.importorskip("onnx")
 
 from helpers.network_models import exported
-from helpers.rule_weights import crop
+from helpers.seeded_weights import noise_crop
 from ssiam.errors import WeightsError
-from ssiam.runtime import Running, pieces
+from ssiam.runtime import RuntimeOptions, loading
 from ssiam.runtime.openvino import CORE
 
 ALEX = "siamrpn_alex_dwxcorr"
@@ -21,7 +21,7 @@ ALEX = "siamrpn_alex_dwxcorr"
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1_000_000)
+    monkeypatch.setattr(loading, "_MIN_SHARED_BYTES", 1_000_000)
     return tmp_path / "cache" / "ssiam" / "openvino"
 
 
@@ -31,8 +31,8 @@ def folder(tmp_path):
 
 
 def outputs(folder):
-    loaded = pieces.load_pieces(folder, ALEX, Running())
-    return loaded["search"](crop(2, 287), *loaded["template"](crop(1, 127)))
+    loaded = loading.load_pieces(folder, ALEX, RuntimeOptions())
+    return loaded["search"](noise_crop(2, 287), *loaded["template"](noise_crop(1, 127)))
 
 
 def files(cache):
@@ -44,18 +44,18 @@ def entry(cache, suffix):
     return path
 
 
-def test_one_file_has_the_weights_of_both_and_nothing_else_changes(folder, cache, monkeypatch):
+def test_one_file_holds_the_weights_of_both_and_outputs_stay_the_same(folder, cache, monkeypatch):
     first, second = outputs(folder), outputs(folder)
     assert files(cache) == [".bin", ".xml"]
     size = sum(path.stat().st_size for path in folder.glob("*.onnx"))
     assert entry(cache, ".bin").stat().st_size < 0.8 * size
-    found = pieces.load_pieces(folder, ALEX, Running())
-    monkeypatch.setattr(pieces, "_WORTH_SHARING", 1 << 40)
-    alone = pieces.load_pieces(folder, ALEX, Running())
-    for piece, network in alone.items():
-        assert network.input_shapes == found[piece].input_shapes
-        assert network.output_shapes == found[piece].output_shapes
-        assert network.convolutions == found[piece].convolutions
+    shared = loading.load_pieces(folder, ALEX, RuntimeOptions())
+    monkeypatch.setattr(loading, "_MIN_SHARED_BYTES", 1 << 40)
+    separate = loading.load_pieces(folder, ALEX, RuntimeOptions())
+    for piece, network in separate.items():
+        assert network.input_shapes == shared[piece].input_shapes
+        assert network.output_shapes == shared[piece].output_shapes
+        assert network.convolution_count == shared[piece].convolution_count
     for expected, *others in zip(outputs(folder), first, second, strict=True):
         for other in others:
             np.testing.assert_array_equal(other, expected)
@@ -66,17 +66,17 @@ def readable(cache):
 
 
 @pytest.mark.parametrize("suffix", [".bin", ".xml"])
-@pytest.mark.parametrize("left", [0.0, 0.5])
-def test_a_damaged_entry_is_written_again(folder, cache, suffix, left):
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_damaged_entry_is_replaced(folder, cache, suffix, share):
     expected = outputs(folder)
     damaged = entry(cache, suffix)
     whole = damaged.read_bytes()
     damaged.unlink()
-    damaged.write_bytes(whole[: int(left * len(whole))])
+    damaged.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(RuntimeError):
         readable(cache)
-    for found, each in zip(outputs(folder), expected, strict=True):
-        np.testing.assert_array_equal(found, each)
+    for actual, reference in zip(outputs(folder), expected, strict=True):
+        np.testing.assert_array_equal(actual, reference)
     readable(cache)
 
 
@@ -84,11 +84,11 @@ def test_a_cache_folder_that_cannot_be_written(folder, cache):
     expected = outputs(folder)
     shutil.rmtree(cache)
     cache.write_text("in the way")
-    for found, each in zip(outputs(folder), expected, strict=True):
-        np.testing.assert_array_equal(found, each)
+    for actual, reference in zip(outputs(folder), expected, strict=True):
+        np.testing.assert_array_equal(actual, reference)
 
 
-def test_changed_files_are_read_anew(folder, cache):
+def test_changed_files_get_a_new_entry(folder, cache):
     outputs(folder)
     search = folder / "search.onnx"
     os.utime(search, (0, 0))

@@ -1,4 +1,4 @@
-"""AlexNet without padding, in the forms of SiamFC and of SiamRPN++."""
+"""AlexNet without padding, in the variants of SiamFC and SiamRPN++."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from torch import Tensor, nn
 
 __all__ = ["AlexNet", "AlexNetV1"]
 
-_SIAMFC_EPS: Final = 1e-6  # of the normalisation (siamfc-pytorch)
+_SIAMFC_EPS: Final = 1e-6  # of batch normalization (siamfc-pytorch)
 _SIAMFC_MOMENTUM: Final = 0.05
 
 
 class AlexNet(nn.Module):
-    """Backbone of siamrpn_alex_dwxcorr: pooled before the ReLU, last layer without one.
+    """Backbone of siamrpn_alex_dwxcorr: pooling before the ReLU, no ReLU after the last layer.
 
     Crops (1, 3, 127, 127) give (1, 256, 6, 6), crops (1, 3, 287, 287) give (1, 256, 26, 26).
     """
@@ -29,12 +29,12 @@ class AlexNet(nn.Module):
         )
 
     def forward(self, crop: Tensor) -> list[Tensor]:
-        """The one level of features of a crop (1, 3, S, S)."""
+        """Features of a crop (1, 3, S, S), as a list of one level."""
         return [self.features(crop)]
 
 
 class AlexNetV1(nn.Module):
-    """Backbone of SiamFC: pooled after the ReLU, three layers in two groups.
+    """Backbone of SiamFC: pooling after the ReLU, three convolutions in two groups.
 
     Crops (N, 3, 127, 127) give (N, 256, 6, 6), crops (N, 3, 255, 255) give (N, 256, 22, 22).
     """

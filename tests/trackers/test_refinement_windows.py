@@ -1,4 +1,4 @@
-"""What the refinement network is given, whatever ran the search."""
+"""The patches of search features for SiamMask's refinement."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,13 @@ SHAPES = ((1, 256, 25, 25), (1, 64, 125, 125), (1, 256, 63, 63), (1, 512, 31, 31
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (24, 24), (3, 21), (12, 12)])
-def test_windows_are_those_of_padded_features(cell):
+def test_patches_equal_those_of_padded_features(cell):
     random = np.random.default_rng(0)
     corr, x0, p1, p2 = (random.random(shape, dtype=np.float32) for shape in SHAPES)
-    windows = refinement_windows(corr, [x0, p1, p2], cell)
+    patches = refinement_windows(corr, [x0, p1, p2], cell)
     layout = ((x0, 16, 4, 61), (p1, 8, 2, 31), (p2, 4, 1, 15), (corr, 0, 1, 1))
-    for window, (features, pad, stride, side) in zip(windows, layout, strict=True):
+    for patch, (features, pad, stride, side) in zip(patches, layout, strict=True):
         padded = np.pad(features, ((0, 0), (0, 0), (pad, pad), (pad, pad)))
         rows, columns = (slice(stride * i, stride * i + side) for i in cell)
-        assert np.array_equal(window, padded[:, :, rows, columns])
-        assert window.dtype == np.float32
+        assert np.array_equal(patch, padded[:, :, rows, columns])
+        assert patch.dtype == np.float32

@@ -1,4 +1,4 @@
-"""Tests of eight-bit networks: which convolutions are quantised, and from which opset."""
+"""Int8 networks: which convolutions are quantized, and from which opsets."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ pytest.importorskip("onnxruntime")
 from onnx import TensorProto, helper, numpy_helper  # noqa: E402
 
 from ssiam.runtime import load_network  # noqa: E402
-from ssiam.runtime.calibration import quantise  # noqa: E402
+from ssiam.runtime.quantization import quantize  # noqa: E402
 
 SHAPE = (1, 8, 16, 16)
 
 
-def written(path, kinds, opset=17):
-    """A chain of convolutions with a ReLU between, each "pointwise", "depthwise" or "head"."""
+def write_chain(path, kinds, opset=17):
+    """A chain of convolutions and ReLUs; kinds are "pointwise", "depthwise" and "head"."""
     random = np.random.default_rng(0)
     nodes, weights, last = [], [], "x"
     for i, kind in enumerate(kinds):
@@ -39,42 +39,39 @@ def feeds(count=4):
     return [[random.normal(size=SHAPE).astype(np.float32)] for _ in range(count)]
 
 
-def in_eight_bits(path):
-    """Names of the convolutions whose weights come from eight bits, and of what else is quantised.
-
-    The latter are the tensors that are put in eight bits.
-    """
+def quantized_parts(path):
+    """Names of the convolutions with int8 weights, and of the quantized activations."""
     graph = onnx.load(path).graph
-    whole = {
+    dequantized = {
         out for node in graph.node if node.op_type == "DequantizeLinear" for out in node.output
     }
-    convolutions = [n.name for n in graph.node if n.op_type == "Conv" and n.input[1] in whole]
+    convolutions = [n.name for n in graph.node if n.op_type == "Conv" and n.input[1] in dequantized]
     tensors = [node.input[0] for node in graph.node if node.op_type == "QuantizeLinear"]
     return convolutions, tensors
 
 
-def test_depthwise_convolutions_and_what_comes_out_of_others_stay_exact(tmp_path):
-    source = written(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise", "head"])
-    quantise(source, tmp_path / "int8.onnx", feeds())
-    convolutions, tensors = in_eight_bits(tmp_path / "int8.onnx")
+def test_depthwise_convolutions_and_outputs_of_convolutions_stay_in_f32(tmp_path):
+    source = write_chain(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise", "head"])
+    quantize(source, tmp_path / "int8.onnx", feeds())
+    convolutions, tensors = quantized_parts(tmp_path / "int8.onnx")
     assert convolutions == ["pointwise0", "pointwise2"]
     assert set(tensors) == {"x", "r1"}
 
 
-def test_without_depthwise_convolutions_what_comes_out_is_in_eight_bits_too(tmp_path):
-    source = written(tmp_path / "f32.onnx", ["pointwise", "pointwise", "head"])
-    quantise(source, tmp_path / "int8.onnx", feeds())
-    convolutions, tensors = in_eight_bits(tmp_path / "int8.onnx")
+def test_outputs_are_quantized_in_networks_without_depthwise_convolutions(tmp_path):
+    source = write_chain(tmp_path / "f32.onnx", ["pointwise", "pointwise", "head"])
+    quantize(source, tmp_path / "int8.onnx", feeds())
+    convolutions, tensors = quantized_parts(tmp_path / "int8.onnx")
     assert convolutions == ["pointwise0", "pointwise1"]
     assert {"c0", "c1"} <= set(tensors)
 
 
 @pytest.mark.parametrize("opset", [9, 12, 13])
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
-def test_old_files_are_raised_and_keep_the_answer(tmp_path, opset, runtime):
-    source = written(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise"], opset)
-    quantise(source, tmp_path / "int8.onnx", feeds())
+def test_files_of_old_opsets_are_converted(tmp_path, opset, runtime):
+    source = write_chain(tmp_path / "f32.onnx", ["pointwise", "depthwise", "pointwise"], opset)
+    quantize(source, tmp_path / "int8.onnx", feeds())
     (feed,) = feeds(1)
     (exact,) = load_network(source, runtime=runtime)(*feed)
-    (ours,) = load_network(tmp_path / "int8.onnx", runtime=runtime, precision="int8")(*feed)
-    assert 1e-4 < np.abs(ours - exact).mean() / np.abs(exact).mean() < 0.03
+    (quantized,) = load_network(tmp_path / "int8.onnx", runtime=runtime, precision="int8")(*feed)
+    assert 1e-4 < np.abs(quantized - exact).mean() / np.abs(exact).mean() < 0.03

@@ -1,0 +1,1 @@
+"""Backbones: feature extractors of the networks, one architecture per module."""

@@ -1,0 +1,182 @@
+"""Networks from a single .onnx file, or in pieces from a checkpoint or an exported folder."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final, TypeAlias
+
+from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.runtime.files import cache_folder, fingerprint, sha256
+from ssiam.runtime.manifest import Manifest, find_export, package_version
+from ssiam.runtime.network import DeviceName, Network, Precision, RuntimeName, RuntimeOptions
+from ssiam.runtime.pytorch import load_torch_pieces, wrong_network_error
+
+__all__ = ["Pieces", "load_network", "load_pieces"]
+
+Pieces: TypeAlias = dict[str, Network]
+
+_LOG = logging.getLogger(__name__)
+_MIN_SHARED_BYTES: Final = 50_000_000  # size of an .onnx file from which sharing weights pays
+_DIGITS: Final = 16  # of a checkpoint's digest, in the name of its exported folder
+
+
+def load_network(
+    path: Path,
+    input_shape: tuple[int, ...] | None = None,
+    *,
+    runtime: RuntimeName = "openvino",
+    threads: int = 1,
+    precision: Precision = "f32",
+    device: DeviceName | None = None,
+) -> Network:
+    """The network of an .onnx file.
+
+    For the same file, float32 outputs of the runtimes differ by less than a thousandth of an
+    output's largest magnitude.
+
+    Parameters
+    ----------
+    path : Path
+    input_shape : tuple of int, optional
+        Replaces the shape of the first input.
+    runtime, threads, precision, device
+        As for `RuntimeOptions`.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown runtime, or a precision or device that it does not support.
+    MissingExtraError
+        The runtime is not installed.
+    WeightsError
+        The file is missing, damaged or of another kind, or int8 was requested of a float32 file.
+    """
+    options = RuntimeOptions(runtime, threads, precision, device)
+    if options.runtime == "torch":
+        raise WeightsError(
+            f"weights {path} are not for PyTorch, which runs the authors' .pth files: "
+            "choose runtime openvino or onnxruntime"
+        )
+    if options.runtime == "onnxruntime":
+        from ssiam.runtime.onnxruntime import OnnxRuntimeNetwork
+
+        return OnnxRuntimeNetwork(path, input_shape, threads, precision, options.resolved_device)
+    from ssiam.runtime.openvino import OpenVinoNetwork
+
+    return OpenVinoNetwork(path, input_shape, threads, precision)
+
+
+def load_pieces(weights: Path, network: str, options: RuntimeOptions) -> Pieces:
+    """The pieces of a network by name: template, search, and refine for masks.
+
+    PyTorch runs a .pth file directly. For the other runtimes it is exported once to the user's
+    cache folder, under its digest; afterwards PyTorch is not needed.
+
+    Parameters
+    ----------
+    weights : Path
+        The authors' .pth file, a folder that `ssiam weights export` has written, or one of its
+        .onnx files.
+    network : str
+        Name of the expected network.
+    options : RuntimeOptions
+
+    Raises
+    ------
+    WeightsError
+        The weights are missing, damaged or of another network.
+    MissingExtraError
+        A package that the file or the runtime needs is not installed.
+    ArgumentError
+        int8 was requested of weights that are not exported in int8.
+    """
+    if not weights.exists():
+        raise WeightsError(f"weights {weights} do not exist: give the authors' .pth file")
+    if options.runtime == "torch":
+        return load_torch_pieces(weights, network, options)
+    folder = find_export(weights)
+    if folder is not None:
+        return _load_export(folder, network, options)
+    if weights.suffix == ".onnx":
+        Manifest.read(weights.parent)  # raises: there is no manifest
+    if options.precision == "int8":
+        raise ArgumentError(
+            f"weights {weights} are not in int8: export them with "
+            "ssiam weights export NAME FILE --precision int8 --pictures VIDEO"
+        )
+    return _export_and_load(weights, network, options)
+
+
+def _load_export(folder: Path, network: str, options: RuntimeOptions) -> Pieces:
+    manifest = Manifest.read(folder)
+    if manifest.network != network:
+        raise wrong_network_error(folder, manifest.network, network)
+    if options.precision == "int8" and manifest.precision != "int8":
+        raise ArgumentError(
+            f"weights {folder} are not in int8: export the .pth file with "
+            f"ssiam weights export {manifest.name} FILE --precision int8 --pictures VIDEO"
+        )
+    paths = {piece: folder / f"{piece}.onnx" for piece in manifest.pieces}
+    pieces = _load_shared(paths, manifest, options)
+    for piece, path in paths.items():
+        if piece not in pieces:
+            pieces[piece] = load_network(
+                path,
+                runtime=options.runtime,
+                threads=options.threads,
+                precision=_arithmetic(options),
+                device=options.device,
+            )
+    return pieces
+
+
+def _load_shared(paths: Mapping[str, Path], manifest: Manifest, options: RuntimeOptions) -> Pieces:
+    """The large pieces, which have the same backbone, with its weights in memory once.
+
+    Empty on other runtimes than OpenVINO, and for int8, whose search piece has other weights.
+    """
+    if options.runtime != "openvino" or manifest.precision == "int8":
+        return {}
+    from ssiam.runtime.openvino import load_with_shared_weights
+
+    large = {
+        piece: path
+        for piece, path in paths.items()
+        if path.is_file() and path.stat().st_size >= _MIN_SHARED_BYTES
+    }
+    if len(large) < 2:
+        return {}
+    files = list(large.values())
+    digest = fingerprint(files, manifest.cache_key)
+    networks = load_with_shared_weights(files, digest, options.threads, _arithmetic(options))
+    return dict(zip(large, networks, strict=True))
+
+
+def _arithmetic(options: RuntimeOptions) -> Precision:
+    """Precision to compile with; an int8 file has its quantized layers in it."""
+    return "bf16" if options.precision == "bf16" else "f32"
+
+
+def _export_and_load(weights: Path, network: str, options: RuntimeOptions) -> Pieces:
+    """The pieces of a .pth file, exported to the user's cache folder if that can be written."""
+    path = weights
+    if weights.is_dir():
+        files = sorted(weights.glob("*.pth"))
+        if len(files) != 1:
+            Manifest.read(weights)  # raises: there is no manifest
+        path = files[0]
+    folder = cache_folder() / "networks" / f"{sha256(path)[:_DIGITS]}-{package_version()}"
+    if find_export(folder) is None:
+        from ssiam.runtime.export import export_network
+
+        try:
+            export_network(path, folder, name=network, network=network)
+        except SinkError as error:
+            _LOG.warning("the exported network is not cached: %s", error)
+            with TemporaryDirectory(prefix="ssiam-") as temporary:
+                export_network(path, Path(temporary), name=network, network=network)
+                return _load_export(Path(temporary), network, options)
+    return _load_export(folder, network, options)

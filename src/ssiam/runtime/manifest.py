@@ -1,0 +1,100 @@
+"""Folders of exported networks: an .onnx file for each piece, and a manifest."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Final
+
+from ssiam.errors import WeightsError
+from ssiam.runtime.network import Precision
+
+__all__ = ["MANIFEST_FILE", "OPSET", "Manifest", "find_export", "move_export", "package_version"]
+
+MANIFEST_FILE: Final = "network.json"
+OPSET: Final = 17  # of ONNX; every supported runtime accepts it
+
+
+def package_version() -> str:
+    """Version of the installed package ssiam."""
+    from importlib.metadata import version
+
+    return version("ssiam")
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Description of an exported network, stored as `MANIFEST_FILE` beside its pieces.
+
+    Attributes
+    ----------
+    name : str
+        Name of the tracker for which it was exported.
+    network : str
+    sha256 : str
+        Digest of the source file, 64 hexadecimal digits.
+    pieces : tuple of str
+        Names of the .onnx files without the suffix: template, search, and refine for masks.
+    precision : {"f32", "int8"}
+        Of `search`; the other pieces are float32.
+    opset : int
+        Version of the ONNX operator set.
+    ssiam : str
+        Version of this package that exported it.
+    """
+
+    name: str
+    network: str
+    sha256: str
+    pieces: tuple[str, ...]
+    precision: Precision = "f32"
+    opset: int = OPSET
+    ssiam: str = field(default_factory=package_version)
+
+    @classmethod
+    def read(cls, folder: Path) -> Manifest:
+        """The manifest of a folder; `WeightsError` if it is missing or damaged."""
+        path = folder / MANIFEST_FILE
+        if not path.is_file():
+            raise WeightsError(
+                f"weights folder {folder} holds no {MANIFEST_FILE}: "
+                "give a folder that ssiam weights export has written, or the authors' .pth file"
+            )
+        try:
+            values = json.loads(path.read_text())
+            values["pieces"] = tuple(values["pieces"])
+            return cls(**values)
+        except (ValueError, TypeError, KeyError) as error:
+            raise WeightsError(f"{path} is damaged: export the network again") from error
+
+    @property
+    def cache_key(self) -> str:
+        """A text that changes with every field.
+
+        Names of files in users' cache folders depend on it, so its form must not change.
+        """
+        fields = ", ".join(f"{name}={value!r}" for name, value in asdict(self).items())
+        return f"Exported({fields})"
+
+    def write(self, folder: Path) -> None:
+        """Store the manifest; it must be the last file written to a folder."""
+        (folder / MANIFEST_FILE).write_text(json.dumps(asdict(self), indent=2) + "\n")
+
+
+def move_export(source: Path, folder: Path, files: Iterable[str]) -> None:
+    """Move files from `source`, on the same file system, to `folder`, the manifest last.
+
+    A folder without a manifest is incomplete. Raises `OSError`.
+    """
+    (folder / MANIFEST_FILE).unlink(missing_ok=True)
+    for file in (*files, MANIFEST_FILE):
+        os.replace(source / file, folder / file)
+
+
+def find_export(weights: Path) -> Path | None:
+    """The folder of an exported network, given that folder or one of its .onnx files, or None."""
+    folder = weights.parent if weights.suffix == ".onnx" else weights
+    return folder if (folder / MANIFEST_FILE).is_file() else None
