@@ -1,30 +1,25 @@
-"""Training sources of sequences, stamps and regions, and those that cannot be opened."""
+"""Copy-paste scenes, random patches, and the settings of sources."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from helpers.sets_on_disk import BOX, opened, scene, write_image, write_stamps
+from helpers.sets_on_disk import open_set, scene, write_cutouts, write_image
 from ssiam.datasets import DatasetError
 from ssiam.errors import ArgumentError
-from ssiam.training import SourceSettings
+from ssiam.training import LAYOUTS, SourceSettings
 
 
-def test_sequences_of_tracking_datasets(tmp_path):
-    folder = tmp_path / "train/GOT-10k_Train_000001"
-    for t in range(3):
-        write_image(folder / f"{t + 1:08}.jpg", scene(BOX))
-    (folder / "groundtruth.txt").write_text("1,2,30,40\n2,2,30,40\n3,2,30,40\n")
-    (folder / "absence.label").write_text("0\n1\n0\n")
-    track = opened("got10k", tmp_path, split="train").track(0)
-    assert [track.box(t) for t in range(3)] == [(1, 2, 30, 40), None, (3, 2, 30, 40)]
+def open_copy_paste(root, **options):
+    return open_set("stamps", root / "stamps", backgrounds=(str(root / "grounds"),), **options)
 
 
-def test_stamps_are_pasted_with_their_masks(tmp_path):
-    write_stamps(tmp_path)
-    source = opened("stamps", tmp_path / "stamps", backgrounds=(str(tmp_path / "grounds"),))
+def test_copy_paste_scenes_have_exact_masks(tmp_path):
+    source = open_copy_paste(write_cutouts(tmp_path))
     track = source.track(1)
     first = track.image(0)
     assert track.frames == 3
@@ -32,40 +27,36 @@ def test_stamps_are_pasted_with_their_masks(tmp_path):
     assert track.mask(0).sum() > 0.6 * w * h
     assert track.mask(0)[y : y + h, x : x + w].sum() == track.mask(0).sum()
     inner = cv2.erode(track.mask(0).astype(np.uint8), np.ones((5, 5))) > 0
-    # The stamps are of one colour, which noise is not.
+    # The objects have one color, the backgrounds are noise.
     assert first[inner].std(axis=0).max() < 3
     assert (track.image(1) != first).any()
     np.testing.assert_array_equal(source.track(1).image(0), first)
 
 
-def test_rivals_go_beside_the_target_and_may_hide_it(tmp_path):
-    write_stamps(tmp_path, count=8)
-    grounds = (str(tmp_path / "grounds"),)
-    source = opened("stamps", tmp_path / "stamps", backgrounds=grounds, rivals=1.0)
-    hidden = 0
+def test_distractors_are_beside_the_target_and_may_occlude_it(tmp_path):
+    source = open_copy_paste(write_cutouts(tmp_path, count=8), rivals=1.0)
+    occluded = 0
     for track in map(source.track, range(20)):
-        assert 0 < len(track.rivals) <= 3
-        alone = replace(track, rivals=())
+        assert 0 < len(track.distractors) <= 3
+        alone = replace(track, distractors=())
         for t in range(track.frames):
             mask, whole = track.mask(t), alone.mask(t)
             assert not (mask & ~whole).any()
             inner = cv2.erode(mask.astype(np.uint8), np.ones((11, 11))) > 0
             np.testing.assert_array_equal(track.image(t)[inner], alone.image(t)[inner])
             changed = (track.image(t) != alone.image(t)).any(axis=-1)
-            hidden += (whole & ~mask & changed).any()
+            occluded += (whole & ~mask & changed).any()
             x, y, w, h = alone.box(t)
             rows, columns = changed.nonzero()
-            away = np.hypot(columns - x - w / 2, rows - y - h / 2).max(initial=0)
-            assert away < 3 * np.hypot(w, h)
-    assert 3 < hidden < 30
+            distance = np.hypot(columns - x - w / 2, rows - y - h / 2).max(initial=0)
+            assert distance < 3 * np.hypot(w, h)
+    assert 3 < occluded < 30
 
 
 @pytest.mark.parametrize(("tumbling", "least", "most"), [(0.0, 0, 25), (1.0, 40, 90)])
-def test_stamps_may_tumble(tmp_path, tumbling, least, most):
-    """By how many degrees an ellipse turns from the first frame to the next, at its median."""
-    write_stamps(tmp_path)
-    grounds = (str(tmp_path / "grounds"),)
-    source = opened("stamps", tmp_path / "stamps", backgrounds=grounds, tumbling=tumbling)
+def test_targets_may_tumble(tmp_path, tumbling, least, most):
+    """Median rotation of an ellipse between two frames, degrees."""
+    source = open_copy_paste(write_cutouts(tmp_path), tumbling=tumbling)
     turns = []
     for track in map(source.track, range(40)):
         outlines = [cv2.findContours(track.mask(t).astype(np.uint8), 0, 1)[0] for t in range(2)]
@@ -76,11 +67,11 @@ def test_stamps_may_tumble(tmp_path, tumbling, least, most):
     assert least <= np.median(turns) <= most
 
 
-def test_regions_have_texture(tmp_path):
+def test_random_patches_have_texture(tmp_path):
     image = np.full((240, 320, 3), 90, np.uint8)
     image[60:180, 160:280] = scene(seed=5)[60:180, 160:280] * 4
     write_image(tmp_path / "half.png", image)
-    source = opened("regions", tmp_path)
+    source = open_set("regions", tmp_path)
     boxes = [source.track(i).box(0) for i in range(len(source))]
     found = [box for box in boxes if box is not None]
     assert found
@@ -89,7 +80,7 @@ def test_regions_have_texture(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"layout": "imagenet"}, "unknown layout"),
         ({"layout": "voc", "weight": -1}, "weight -1"),
@@ -99,12 +90,21 @@ def test_regions_have_texture(tmp_path):
         ({"layout": "regions", "tumbling": 0.5}, "tumbling 0.5"),
     ],
 )
-def test_wrong_settings_are_told(options, said):
-    with pytest.raises(ArgumentError, match=said):
+def test_invalid_settings_are_rejected(options, message):
+    with pytest.raises(ArgumentError, match=message):
         SourceSettings(**{"path": "somewhere", **options})
 
 
 @pytest.mark.parametrize("layout", ["voc", "yolo", "davis", "youtube_vos", "masks", "regions"])
-def test_an_empty_folder_is_told(tmp_path, layout):
+def test_an_empty_folder_is_rejected(tmp_path, layout):
     with pytest.raises(DatasetError, match=str(tmp_path)):
-        opened(layout, tmp_path)
+        open_set(layout, tmp_path)
+
+
+def test_layouts_are_unique():
+    assert len(set(LAYOUTS)) == len(LAYOUTS)
+
+
+def test_the_data_does_not_need_pytorch():
+    code = "import sys, ssiam.training; sys.exit('torch' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

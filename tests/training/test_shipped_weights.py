@@ -1,4 +1,4 @@
-"""The weights that come with the package: training can go on from them."""
+"""The weights in the package: training can start from them."""
 
 import json
 
@@ -11,14 +11,14 @@ pytest.importorskip("onnx")
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.runtime.files import sha256  # noqa: E402
 from ssiam.trackers.lite import SHIPPED, LiteNetworks  # noqa: E402
-from ssiam.training.network_settings import NetworkSettings  # noqa: E402
-from ssiam.training.student import Student  # noqa: E402
+from ssiam.training.settings import NetworkSettings, TrainSettings  # noqa: E402
+from ssiam.training.students import LiteStudent  # noqa: E402
 
 
-def test_training_goes_on_from_the_network_that_tracks():
-    """Without the weights of ImageNet; what is to be learnt on is what runs."""
+def test_training_starts_from_the_network_that_tracks():
+    """The weights of ImageNet are not needed."""
     settings = NetworkSettings(weights="nowhere.pth", begin="lite", stem_steps=0, frozen_steps=0)
-    network = Student(settings, taught=False, threads=1, precision="f32").network.eval()
+    network = LiteStudent(TrainSettings((), network=settings)).network.eval()
     pieces = LiteNetworks.load(SHIPPED, Running())
     random = np.random.default_rng(0)
     template, search = (
@@ -34,6 +34,6 @@ def test_training_goes_on_from_the_network_that_tracks():
         np.testing.assert_allclose(our, their, rtol=1e-3, atol=1e-3)
 
 
-def test_the_record_is_of_these_weights():
+def test_network_json_is_of_these_weights():
     record = json.loads((SHIPPED / "network.json").read_text())
     assert record["sha256"] == sha256(SHIPPED / "weights.pth")

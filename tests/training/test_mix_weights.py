@@ -1,4 +1,4 @@
-"""scripts/mix_weights.py: the mean of two runs is a network that tracks."""
+"""scripts/mix_weights.py: the mean of two runs is a network that a tracker can load."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ from ssiam.trackers.lite import SHIPPED, LiteNetworks  # noqa: E402
 SCRIPT = Path(__file__).parents[2] / "scripts" / "mix_weights.py"
 
 
-def test_the_mean_lies_where_the_share_says(tmp_path):
+def test_weights_are_interpolated_by_the_share(tmp_path):
     first = read_tensors(SHIPPED / "weights.pth")
     second = {name: each + 1 if each.is_floating_point() else each for name, each in first.items()}
     for name, tensors in (("first", first), ("second", second)):

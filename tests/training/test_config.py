@@ -1,4 +1,4 @@
-"""Configs: what is read, and the one line that tells what is wrong."""
+"""Configs: valid files, and the one-line errors of invalid ones."""
 
 from pathlib import Path
 
@@ -10,17 +10,15 @@ from ssiam.cli import main
 from ssiam.training.config import read_config
 
 SOURCE = '[[sources]]\nlayout = "davis"\npath = "x"\n'
-
-
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.toml")), ids=lambda path: path.stem)
-def test_every_config_of_the_repository_can_be_read(path):
+def test_all_configs_of_the_repository_are_valid(path):
     assert read_config(path).sources
 
 
-def test_the_config_to_start_from():
+def test_values_of_the_example_config():
     settings = read_config(CONFIGS / "lite.toml")
     assert settings.sources[0].layout == "davis"
     assert settings.teacher.weights == "weights/nanotrackv3"
@@ -28,18 +26,18 @@ def test_the_config_to_start_from():
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "message"),
     [
-        pytest.param("steps = ", "is no TOML", id="no TOML"),
+        pytest.param("steps = ", "not valid TOML", id="no TOML"),
         pytest.param("", "sources is missing", id="no sources"),
         pytest.param(f"stpes = 3\n{SOURCE}", "unknown key stpes; did you mean steps?", id="typo"),
         pytest.param(
             f"[pairs.augment]\nfilp = 1\n{SOURCE}",
             "unknown key pairs.augment.filp; did you mean flip?",
-            id="typo within",
+            id="typo in a table",
         ),
-        pytest.param(f'steps = "3"\n{SOURCE}', "steps is '3': give a whole number", id="text"),
-        pytest.param(f"steps = true\n{SOURCE}", "steps is True: give a whole", id="flag"),
+        pytest.param(f'steps = "3"\n{SOURCE}', "steps is '3': give an integer", id="string"),
+        pytest.param(f"steps = true\n{SOURCE}", "steps is True: give an integer", id="flag"),
         pytest.param(f"steps = 0\n{SOURCE}", "steps 0 of a training run", id="zero"),
         pytest.param(f"losses = 3\n{SOURCE}", "losses is 3: give a table", id="no table"),
         pytest.param("sources = 3\n", "sources is 3: give a list", id="no list"),
@@ -50,24 +48,26 @@ def test_the_config_to_start_from():
         pytest.param(
             f"[network]\ntrained_levels = 2\n{SOURCE}", "trained_levels 2", id="half a stem"
         ),
-        pytest.param(f'[network]\nlearns = "mask"\n{SOURCE}', "give begin", id="mask of nothing"),
+        pytest.param(
+            f'[network]\nlearns = "mask"\n{SOURCE}', "give begin", id="mask without weights"
+        ),
         pytest.param(
             f'[network]\nlearns = "mask"\nbegin = "w"\n[teacher]\nweights = "t"\n{SOURCE}',
-            "a teacher knows no masks",
-            id="mask from a teacher",
+            "a teacher has no masks",
+            id="mask with a teacher",
         ),
     ],
 )
-def test_what_is_wrong_is_one_line(tmp_path, capsys, text, complaint):
+def test_invalid_configs_give_a_one_line_error(tmp_path, capsys, text, message):
     path = tmp_path / "c.toml"
     path.write_text(text)
     assert main(["train", str(path), "--out", str(tmp_path / "out")]) == 2
-    told = capsys.readouterr().err
-    assert complaint in told
-    assert "c.toml" in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert "c.toml" in printed
+    assert printed.count("\n") == 1
 
 
-def test_a_config_that_is_not_there(tmp_path, capsys):
-    assert main(["train", str(tmp_path / "gone.toml")]) == 2
-    assert "gone.toml cannot be read" in capsys.readouterr().err
+def test_a_missing_config(tmp_path, capsys):
+    assert main(["train", str(tmp_path / "missing.toml")]) == 2
+    assert "missing.toml cannot be read" in capsys.readouterr().err
