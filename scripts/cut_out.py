@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.training.masks import read_masks
-from ssiam.training.outlines import box_of_mask
-from ssiam.training.sources import Names, TrainingTrack
+from ssiam.training.data.image_readers import read_mask_images
+from ssiam.training.data.masks import box_of_mask
+from ssiam.training.data.tracks import NameFilter, TrainingTrack
 
 LEAST = 48  # px, the shorter side of an object's box
 LARGEST = 320  # px, the longer side of a stamp
@@ -57,7 +57,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
-        stamps = [stamp(track) for track in read_masks(folder, Names())]
+        stamps = [stamp(track) for track in read_mask_images(folder, NameFilter())]
         good = [each for each in stamps if each is not None]
         for number, each in enumerate(good):
             cv2.imwrite(str(arguments.out / f"{folder.name}_{number:04}.png"), each)

@@ -12,7 +12,7 @@ from ssiam.networks.efficientnet_lite import CHANNELS, EfficientNetLite0  # noqa
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.networks.starting_weights import load_imagenet  # noqa: E402
 from ssiam.runtime import load_network  # noqa: E402
-from ssiam.training.finished import write_network  # noqa: E402
+from ssiam.training.checkpoints import write_network  # noqa: E402
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["light", "ImageNet's stem"])

@@ -11,7 +11,7 @@ from ssiam.networks.lite2 import Lite2Network  # noqa: E402
 from ssiam.networks.starting_weights import load_lite2  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
 from ssiam.trackers.lite2 import Lite2Networks  # noqa: E402
-from ssiam.training.finished import write_network  # noqa: E402
+from ssiam.training.checkpoints import write_network  # noqa: E402
 
 
 def stirred(attention=2):

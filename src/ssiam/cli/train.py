@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from ssiam.errors import MissingExtraError
@@ -30,15 +29,10 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         raise MissingExtraError(
             "PyTorch is not installed, which training needs: pip install 'ssiam[train]'"
         ) from error
-    from ssiam.training.checkpoints import CHECKPOINT
+    from ssiam.training.checkpoints import CHECKPOINT, check_run_outputs, write_network_so_far
     from ssiam.training.config import read_config
-    from ssiam.training.finished import check_run_outputs, write_so_far
-    from ssiam.training.loading import load_batches
-    from ssiam.training.loop import train as run
-    from ssiam.training.mask_crops import MaskSampler
-    from ssiam.training.opening import open_training_source
-    from ssiam.training.pairs import PairSampler
-    from ssiam.training.tutors import TaughtSampler
+    from ssiam.training.trainer import train as run
+    from ssiam.training.trainer import training_batches
 
     settings = read_config(config)
     folder = out or Path("runs") / config.stem
@@ -46,20 +40,11 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
     if so_far is not None:
         inputs.append(("the run", folder / CHECKPOINT))
         check_run_outputs(settings, "--so-far", so_far, inputs)
-        step = write_so_far(settings, folder, so_far)
+        step = write_network_so_far(settings, folder, so_far)
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     check_run_outputs(settings, "--out", folder, inputs)
-    sources = [open_training_source(each) for each in settings.sources]
-    sampler: PairSampler | TaughtSampler | MaskSampler
-    if settings.network.kind == "mask":
-        sampler = MaskSampler(sources, settings.pairs, settings.seed)
-    else:
-        sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
-        if settings.network.kind == "lite2" and settings.teacher is not None:
-            sampler = TaughtSampler(pairs, settings.teacher)
-    batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
-    run(settings, batches, folder, _show)
+    run(settings, training_batches(settings), folder, _show)
 
 
 def _show(step: int, values: dict[str, float]) -> None:
