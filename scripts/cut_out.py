@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.training.masks import read_masks
-from ssiam.training.outlines import box_of_mask
-from ssiam.training.sources import Names, TrainingTrack
+from ssiam.training.data.image_readers import read_mask_images
+from ssiam.training.data.masks import box_of_mask
+from ssiam.training.data.tracks import NameFilter, TrainingTrack
 
 MIN_SIDE = 48  # px, shorter side of an object's box
 MAX_SIDE = 320  # px, longer side of the written image
@@ -58,7 +58,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
-        objects = [cut_out(track) for track in read_masks(folder, Names())]
+        objects = [cut_out(track) for track in read_mask_images(folder, NameFilter())]
         usable = [image for image in objects if image is not None]
         for number, image in enumerate(usable):
             cv2.imwrite(str(arguments.out / f"{folder.name}_{number:04}.png"), image)

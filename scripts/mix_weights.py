@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ssiam.networks.checkpoints import read_state_dict
 from ssiam.networks.lite import LiteNetwork
-from ssiam.training.finished import WEIGHTS, write_network
+from ssiam.training.checkpoints import WEIGHTS, write_network
 
 
 def main() -> None:

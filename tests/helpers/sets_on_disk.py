@@ -1,4 +1,4 @@
-"""Small sets of training data, written the way they are published, and opened."""
+"""Small training sets, written to disk in their published layouts."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 
 from ssiam.training import SourceSettings, open_training_source
 
-# The object of every picture unless told otherwise: x, y, w, h.
+# The object of every image unless given otherwise: x, y, w, h.
 BOX = (60, 50, 40, 30)
 OTHER = (200, 140, 30, 40)
 SIZE_WH = (320, 240)
 
 
 def scene(*boxes, seed=0, size_wh=SIZE_WH):
-    """Dim noise with bright rectangles."""
+    """Dark noise with bright rectangles."""
     width, height = size_wh
     image = np.random.default_rng(seed).integers(0, 60, (height, width, 3), dtype=np.uint8)
     for number, (x, y, w, h) in enumerate(boxes):
@@ -40,7 +40,7 @@ def write_image(path, image):
 
 
 def write_palette_png(path, indices, palette):
-    """A PNG of indices (H, W) uint8, which OpenCV cannot write."""
+    """A PNG of palette indices (H, W) uint8, which OpenCV cannot write."""
 
     def chunk(kind, data):
         body = kind + data
@@ -52,7 +52,7 @@ def write_palette_png(path, indices, palette):
     path.write_bytes(
         b"\x89PNG\r\n\x1a\n"
         + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0))
-        + chunk(b"PLTE", bytes(value for colour in palette for value in colour))
+        + chunk(b"PLTE", bytes(value for color in palette for value in color))
         + chunk(b"IDAT", zlib.compress(rows))
         + chunk(b"IEND", b"")
     )
@@ -68,14 +68,14 @@ def write_davis(root, name="bear", frames=3, hidden=()):
     return root
 
 
-def write_voc(root, pictures, names=("JPEGImages", "Annotations")):
-    """`pictures`: lists of (name, corners) by the file's stem."""
-    for stem, objects in pictures.items():
+def write_voc(root, objects_by_stem, folders=("JPEGImages", "Annotations")):
+    """`objects_by_stem`: a list of (name, corners) for each file."""
+    for stem, objects in objects_by_stem.items():
         boxes = [
             (int(float(a)) - 1, int(float(b)) - 1, int(float(c) - float(a)), 20)
             for _, (a, b, c, _) in objects
         ]
-        write_image(root / names[0] / f"{stem}.jpg", scene(*boxes))
+        write_image(root / folders[0] / f"{stem}.jpg", scene(*boxes))
         entries = "".join(
             f"<object><name>{name}</name><bndbox>"
             + "".join(
@@ -85,14 +85,14 @@ def write_voc(root, pictures, names=("JPEGImages", "Annotations")):
             + "</bndbox></object>"
             for name, corners in objects
         )
-        (root / names[1]).mkdir(parents=True, exist_ok=True)
-        (root / names[1] / f"{stem}.xml").write_text(f"<annotation>{entries}</annotation>")
+        (root / folders[1]).mkdir(parents=True, exist_ok=True)
+        (root / folders[1] / f"{stem}.xml").write_text(f"<annotation>{entries}</annotation>")
     return root
 
 
-def write_coco(root, annotations, pictures=1):
+def write_coco(root, annotations, count=1):
     images = []
-    for number in range(1, pictures + 1):
+    for number in range(1, count + 1):
         write_image(root / f"train/{number:06}.png", scene(BOX, OTHER, seed=number))
         images.append({"id": number, "file_name": f"{number:06}.png"})
     path = root / "annotations/instances_train.json"
@@ -101,14 +101,15 @@ def write_coco(root, annotations, pictures=1):
     return path
 
 
-def write_stamps(root, count=3):
+def write_cutouts(root, count=3):
+    """Ellipses with alpha in stamps/, and backgrounds in grounds/."""
     for number in range(count):
-        stamp = np.zeros((60, 80, 4), np.uint8)
-        cv2.ellipse(stamp, (40, 30), (30, 20), 0, 0, 360, (40 * number, 80, 250, 255), -1)
-        write_image(root / f"stamps/{number}.png", stamp)
+        cutout = np.zeros((60, 80, 4), np.uint8)
+        cv2.ellipse(cutout, (40, 30), (30, 20), 0, 0, 360, (40 * number, 80, 250, 255), -1)
+        write_image(root / f"stamps/{number}.png", cutout)
         write_image(root / f"grounds/{number}.jpg", scene(OTHER, seed=number))
     return root
 
 
-def opened(layout, path, **options):
+def open_set(layout, path, **options):
     return open_training_source(SourceSettings(layout, str(path), **options))

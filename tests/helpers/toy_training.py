@@ -1,4 +1,4 @@
-"""A tiny training set of bright squares, and a run on it that can be started as a process."""
+"""Training on bright squares; as a script, a run that a test can kill."""
 
 import sys
 from pathlib import Path
@@ -8,16 +8,15 @@ import torch
 
 from helpers.synthetic import generator
 from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
-from ssiam.training.batches import Batch
-from ssiam.training.loop import train
-from ssiam.training.network_settings import NetworkSettings
-from ssiam.training.settings import OptimiserSettings, TrainSettings
+from ssiam.training.data.batches import Batch
+from ssiam.training.settings import NetworkSettings, OptimizerSettings, TrainSettings
+from ssiam.training.trainer import train
 
 SQUARE = 56  # px, in both crops
 
 
 def backbone_file(folder):
-    """Random weights in a file as the published one."""
+    """Random weights in a file of the published form."""
     torch.manual_seed(0)
     path = folder / "backbone.pth"
     torch.save(EfficientNetLite0().state_dict(), path)
@@ -25,7 +24,7 @@ def backbone_file(folder):
 
 
 def batch(step, size):
-    """Pairs of a square on noise; the last is a negative one, and not told its mask."""
+    """Pairs of a square on noise; the last of several is negative, with unknown mask."""
     r = generator(step)
     template = r.integers(60, 120, (size, 3, 127, 127)).astype(np.uint8)
     search = r.integers(60, 120, (size, 3, 255, 255)).astype(np.uint8)
@@ -44,21 +43,22 @@ def batch(step, size):
 
 def settings(weights, **changes):
     network = NetworkSettings(weights=str(weights), stem_steps=2, frozen_steps=3, trained_levels=3)
-    optimiser = OptimiserSettings(lr=2e-3, warm_up=2)
-    plain = {"steps": 6, "batch": 2, "log_every": 1, "checkpoint_minutes": 0.0, "sources": ()}
-    return TrainSettings(**{**plain, "network": network, "optimiser": optimiser, **changes})
+    optimizer = OptimizerSettings(lr=2e-3, warm_up=2)
+    short = {"steps": 6, "batch": 2, "log_every": 1, "checkpoint_minutes": 0.0, "sources": ()}
+    return TrainSettings(**{**short, "network": network, "optimiser": optimizer, **changes})
 
 
 def run(folder, weights, **changes):
-    chosen = settings(weights, **changes)
+    """Train to the end in a folder and print each step."""
+    run_settings = settings(weights, **changes)
 
     def batches(steps):
-        return (batch(step, chosen.batch) for step in steps)
+        return (batch(step, run_settings.batch) for step in steps)
 
     def report(step, values):
         print(step, flush=True)
 
-    train(chosen, batches, folder, report)
+    train(run_settings, batches, folder, report)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from ssiam.errors import ArgumentError  # noqa: E402
 from ssiam.networks import inference_graphs  # noqa: E402
 from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.runtime import load_network  # noqa: E402
-from ssiam.training.finished import write_network  # noqa: E402
+from ssiam.training.checkpoints import write_network  # noqa: E402
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["light stem", "published stem"])

@@ -9,7 +9,7 @@ pytest.importorskip("onnx")
 from ssiam.networks.lite2 import Lite2Network  # noqa: E402
 from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.trackers.lite2 import Lite2Networks  # noqa: E402
-from ssiam.training.finished import write_network  # noqa: E402
+from ssiam.training.checkpoints import write_network  # noqa: E402
 
 
 def network_with_attention(blocks=2):

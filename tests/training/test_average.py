@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from ssiam.training.ema import Average  # noqa: E402
+from ssiam.training.optimizer import Average  # noqa: E402
 
 KEPT = 0.9
 

@@ -6,9 +6,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from ssiam.training.losses import mask_losses, score_loss  # noqa: E402
+from ssiam.training.losses import (  # noqa: E402
+    Targets,
+    mask_losses,
+    score_loss,
+)
 from ssiam.training.settings import LossSettings  # noqa: E402
-from ssiam.training.targets import Targets  # noqa: E402
 
 LOG2 = math.log(2)  # cross-entropy of a probability of one half
 

@@ -28,15 +28,14 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         import ssiam.networks  # noqa: F401
     except MissingExtraError as error:
         raise MissingExtraError("training needs PyTorch: pip install 'ssiam[train]'") from error
-    from ssiam.training.checkpoints import CHECKPOINT
+    from ssiam.training.checkpoints import CHECKPOINT, check_run_outputs, write_network_so_far
     from ssiam.training.config import read_config
-    from ssiam.training.finished import check_run_outputs, write_so_far
-    from ssiam.training.loading import load_batches
-    from ssiam.training.loop import train as run
-    from ssiam.training.mask_crops import MaskSampler
-    from ssiam.training.opening import open_training_source
-    from ssiam.training.pairs import PairSampler
-    from ssiam.training.tutors import TaughtSampler
+    from ssiam.training.data.batches import load_batches
+    from ssiam.training.data.mask_sampling import MaskSampler
+    from ssiam.training.data.pairs import PairSampler
+    from ssiam.training.data.registry import open_training_source
+    from ssiam.training.teachers import DistillationSampler
+    from ssiam.training.trainer import train as run
 
     settings = read_config(config)
     folder = out or Path("runs") / config.stem
@@ -44,18 +43,18 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
     if so_far is not None:
         inputs.append(("the run", folder / CHECKPOINT))
         check_run_outputs(settings, "--so-far", so_far, inputs)
-        step = write_so_far(settings, folder, so_far)
+        step = write_network_so_far(settings, folder, so_far)
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     check_run_outputs(settings, "--out", folder, inputs)
     sources = [open_training_source(each) for each in settings.sources]
-    sampler: PairSampler | TaughtSampler | MaskSampler
+    sampler: PairSampler | DistillationSampler | MaskSampler
     if settings.network.kind == "mask":
         sampler = MaskSampler(sources, settings.pairs, settings.seed)
     else:
         sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
         if settings.network.kind == "lite2" and settings.teacher is not None:
-            sampler = TaughtSampler(pairs, settings.teacher)
+            sampler = DistillationSampler(pairs, settings.teacher)
     batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
     run(settings, batches, folder, _print_metrics)
 

@@ -1,25 +1,25 @@
-"""Training of a tracker's network: pairs of crops from many sets of data."""
+"""Training of the small trackers' networks, with pairs of crops from many datasets.
 
-from ssiam.training.augment import AugmentSettings
-from ssiam.training.batches import Batch
-from ssiam.training.loading import load_batches
-from ssiam.training.opening import LAYOUTS, SourceSettings, open_training_source
-from ssiam.training.pair_settings import PairSettings
-from ssiam.training.pairs import PairSampler
-from ssiam.training.sources import Source, TrackList, TrainingTrack
-from ssiam.training.windows import WindowSettings
+Importing this package does not import PyTorch; `ssiam.training.trainer` does.
+"""
+
+from ssiam.training.data.batches import Batch, load_batches
+from ssiam.training.data.pairs import PairSampler
+from ssiam.training.data.registry import LAYOUTS, SourceSettings, open_training_source
+from ssiam.training.data.settings import AugmentSettings, CropSettings, PairSettings
+from ssiam.training.data.tracks import Source, TrackList, TrainingTrack
 
 __all__ = [
     "LAYOUTS",
     "AugmentSettings",
     "Batch",
+    "CropSettings",
     "PairSampler",
     "PairSettings",
     "Source",
     "SourceSettings",
     "TrackList",
     "TrainingTrack",
-    "WindowSettings",
     "load_batches",
     "open_training_source",
 ]

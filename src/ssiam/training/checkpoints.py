@@ -1,46 +1,78 @@
-"""Where a training run stands: one file, written whole or not at all."""
+"""The files of a run: its checkpoint, and the exported network that a tracker loads."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from tempfile import TemporaryDirectory
+from typing import Any, Final, TypeAlias
 
 import torch
 
-from ssiam.errors import ArgumentError, WeightsError
+from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.networks import inference_graphs, write_onnx
+from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
-from ssiam.outputs import replaced
+from ssiam.networks.lite2 import Lite2Network
+from ssiam.networks.nanotrack import WIDTH
+from ssiam.outputs import NamedPath, check_apart, output_error, replaced
+from ssiam.runtime.files import sha256
+from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, move_export
 from ssiam.training.config import from_table
-from ssiam.training.settings import TrainSettings
+from ssiam.training.metrics import METRICS
+from ssiam.training.settings import WEIGHTS, TrainSettings
+from ssiam.training.students import AnyNetwork, build_network
 
-__all__ = ["CHECKPOINT", "read_state", "write_file", "write_state"]
+__all__ = [
+    "CHECKPOINT",
+    "WEIGHTS",
+    "check_run_outputs",
+    "make_folder",
+    "read_checkpoint",
+    "write_checkpoint",
+    "write_network",
+    "write_network_so_far",
+    "write_pth",
+]
 
 CHECKPOINT: Final = "checkpoint.pth"
 
-State = dict[str, Any]
+State: TypeAlias = dict[str, Any]
+
+# Names in network.json.
+_LITE: Final = "lite"
+_LITE2: Final = "lite2"
+_MASK: Final = "mask"
+_PIECES: Final = ("template", "search", "mask")
+# Input shapes of the pieces.
+_KERNEL: Final = (1, 64, 96)
+_CORE: Final = (1, 96, 4, 4)
+_MASK_CROP: Final = (1, 3, BOX_MASK_CROP, BOX_MASK_CROP)
 
 
-def write_state(folder: Path, settings: TrainSettings, state: Mapping[str, Any]) -> None:
-    """Store a run's state, of tensors, numbers, texts and containers.
+def write_checkpoint(folder: Path, settings: TrainSettings, state: Mapping[str, Any]) -> None:
+    """Write a run's state: tensors, numbers, strings and containers of them.
 
-    Raises `SinkError` if that is not possible; the state that was there before is kept then.
+    Raises
+    ------
+    SinkError
+        The file cannot be written; the previous checkpoint is kept.
     """
     content = {"settings": json.dumps(settings.identity(), sort_keys=True), **state}
-    write_file(folder / CHECKPOINT, content)
+    write_pth(folder / CHECKPOINT, content)
 
 
-def read_state(folder: Path, settings: TrainSettings) -> State | None:
-    """The state of the run in a folder; None if there is none yet.
+def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
+    """The state of the run in a folder; None if there is no checkpoint.
 
     Raises
     ------
     WeightsError
-        The file is damaged, or no state of a run.
+        The file is damaged, or not a checkpoint.
     ArgumentError
-        It is of a run with other settings; the message names the first that differs.
+        It is of a run with other settings; the message names the first difference.
     """
     path = folder / CHECKPOINT
     if not path.exists():
@@ -50,35 +82,48 @@ def read_state(folder: Path, settings: TrainSettings) -> State | None:
         theirs = json.loads(content.pop("settings"))
     except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise WeightsError(
-            f"checkpoint {path} is damaged: take it away to train from the start, "
-            "or put back a copy of it"
+            f"checkpoint {path} is damaged: remove it to train from the start, or restore a copy"
         ) from error
-    different = _different(_completed(theirs), _plain(settings))
-    if different:
+    difference = _difference(_with_defaults(theirs), _as_json(settings))
+    if difference:
         raise ArgumentError(
-            f"{folder} holds a run with other settings ({different}): "
+            f"{folder} holds a run with other settings ({difference}): "
             "give another folder with --out, or those settings"
         )
     return dict(content)
 
 
-def write_file(path: Path, content: Any) -> None:
-    """Store what PyTorch can store, so that a kill leaves the old file or the new one."""
-    # PyTorch turns the error of a full disk into one that does not name it.
+def write_pth(path: Path, content: Any) -> None:
+    """Write what PyTorch can serialize; a kill leaves the old file or the new one.
+
+    Raises
+    ------
+    SinkError
+        The file cannot be written.
+    """
+    # PyTorch's error for a full disk does not name the cause; that of a file does.
     data = BytesIO()
     torch.save(content, data)
     with replaced(path, "wb", hidden=True) as file:
         file.write(data.getbuffer())
 
 
-def _plain(settings: TrainSettings) -> Any:
+def make_folder(folder: Path) -> None:
+    """Make a folder if it does not exist; `SinkError` if that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+
+
+def _as_json(settings: TrainSettings) -> Any:
     return json.loads(json.dumps(settings.identity()))
 
 
-def _completed(values: Any) -> Any:
-    """A run's settings, where those that it could not have had yet have their default."""
+def _with_defaults(values: Any) -> Any:
+    """A stored run's settings, completed by the defaults of settings that are newer than it."""
     try:
-        return _plain(from_table(TrainSettings, _without_none(values), ""))
+        return _as_json(from_table(TrainSettings, _without_none(values)))
     except (ArgumentError, AttributeError, TypeError):  # of a later version
         return values
 
@@ -89,18 +134,127 @@ def _without_none(value: Any) -> Any:
     return [_without_none(each) for each in value] if isinstance(value, list) else value
 
 
-def _different(theirs: Any, ours: Any, where: str = "") -> str:
-    """The first value that differs, with its name; empty if none does."""
+def _difference(theirs: Any, ours: Any, name: str = "") -> str:
+    """The first value that differs, with its name; empty if all are equal."""
     if isinstance(theirs, list) and isinstance(ours, list):
         if len(theirs) != len(ours):
-            return f"{where} are {len(theirs)} there and {len(ours)} here"
+            return f"{name} are {len(theirs)} there and {len(ours)} here"
         pairs = zip(theirs, ours, strict=True)
-        found = (_different(*pair, f"{where}[{i}]") for i, pair in enumerate(pairs))
+        found = (_difference(*pair, f"{name}[{i}]") for i, pair in enumerate(pairs))
     elif isinstance(theirs, dict) and isinstance(ours, dict):
         found = (
-            _different(theirs.get(key), ours.get(key), f"{where}.{key}" if where else key)
+            _difference(theirs.get(key), ours.get(key), f"{name}.{key}" if name else key)
             for key in sorted(theirs.keys() | ours.keys())
         )
     else:
-        return "" if theirs == ours else f"{where} is {theirs!r} there and {ours!r} here"
+        return "" if theirs == ours else f"{name} is {theirs!r} there and {ours!r} here"
     return next(filter(None, found), "")
+
+
+def check_run_outputs(
+    settings: TrainSettings, option: str, folder: Path, inputs: Sequence[NamedPath]
+) -> None:
+    """Reject a folder in which a run would replace its own inputs.
+
+    Parameters
+    ----------
+    settings : TrainSettings
+    option : str
+        That gave the folder, for the message.
+    folder : Path
+    inputs : sequence of (str, Path)
+        Further input files.
+
+    Raises
+    ------
+    ArgumentError
+        An output is the file of the initial weights, of a teacher, or of a training set.
+    """
+    names = (CHECKPOINT, METRICS, WEIGHTS, *(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
+    outputs = [(option, folder), *((option, folder / name) for name in names)]
+    check_apart(outputs, [*inputs, *_inputs(settings)])
+
+
+def _inputs(settings: TrainSettings) -> Iterable[NamedPath]:
+    for weights in (settings.network.begin_path, settings.network.weights_path):
+        if weights is not None:
+            yield "the weights", weights
+    for teacher in (settings.teacher.weights, settings.teacher.fear) if settings.teacher else ():
+        if teacher is not None:
+            for path in (Path(teacher), *Path(teacher).glob("*")):
+                yield "the teacher", path
+    for source in settings.sources:
+        yield "the training data", Path(source.path)
+
+
+def write_network(network: AnyNetwork, folder: Path) -> None:
+    """Write weights.pth, the ONNX pieces (template and search, or mask) and network.json.
+
+    Existing files are replaced after all new ones are complete.
+
+    Raises
+    ------
+    MissingExtraError
+        The package onnx is not installed.
+    SinkError
+        The folder cannot be written.
+    """
+    try:
+        with TemporaryDirectory(dir=folder, prefix=".network-") as temporary:
+            pieces = _write_pieces(network, Path(temporary))
+            move_export(Path(temporary), folder, [WEIGHTS, *(f"{piece}.onnx" for piece in pieces)])
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
+def _write_pieces(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
+    """Write all files; returns the names of the pieces."""
+    write_pth(folder / WEIGHTS, network.state_dict())
+    if isinstance(network, BoxMaskNetwork):
+        write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
+        record = Manifest(_MASK, "box_mask", sha256(folder / WEIGHTS), ("mask",))
+        record.write(folder)
+        return record.pieces
+    graphs = inference_graphs(network)
+    name = _LITE
+    kernels: list[tuple[int, ...]] = [_KERNEL]
+    if isinstance(network, Lite2Network):
+        context = (1, max(len(network.relation.blocks), 1), 2, WIDTH, _KERNEL[1])
+        name, kernels = _LITE2, [_KERNEL, _KERNEL, _CORE, _CORE, context, context]
+        graphs["search"].input_names += ("recent",)
+    shapes = {
+        "template": [network.template_shape],
+        "search": [network.search_shape, *kernels],
+    }
+    for piece, graph in graphs.items():
+        write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
+    record = Manifest(_LITE, name, sha256(folder / WEIGHTS), tuple(graphs))
+    record.write(folder)
+    return record.pieces
+
+
+def write_network_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
+    """Write the averaged network of a run's last checkpoint, as `write_network`.
+
+    Returns
+    -------
+    int
+        Number of steps that the run has done.
+
+    Raises
+    ------
+    ArgumentError
+        There is no run with these settings.
+    WeightsError
+        Its checkpoint is damaged.
+    SinkError
+        The folder cannot be made or written.
+    """
+    state = read_checkpoint(run, settings)
+    if state is None:
+        raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
+    network = build_network(settings.network)
+    network.load_state_dict(state["average"])
+    make_folder(folder)
+    write_network(network.eval(), folder)
+    return int(state["step"])

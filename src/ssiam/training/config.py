@@ -1,4 +1,4 @@
-"""TOML files read into dataclasses; what does not fit is one line that names the file and key."""
+"""TOML files read into settings dataclasses, with one-line errors that name file and key."""
 
 from __future__ import annotations
 
@@ -17,34 +17,48 @@ __all__ = ["from_table", "read_config"]
 
 Settings = TypeVar("Settings")
 
-_NAMES: Final = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
+_TYPE_NAMES: Final = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
 
 
 def read_config(path: Path) -> TrainSettings:
-    """The settings of a training run.
+    """The settings of a training run from a TOML file.
 
     Raises
     ------
     SourceError
         The file cannot be read.
     ArgumentError
-        It is no TOML, a key is unknown or missing, or a value is of another type or impossible.
+        It is not valid TOML, a key is unknown or missing, or a value has the wrong type or range.
+    MissingExtraError
+        Python is older than 3.11 and tomli is not installed.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text"
+        reason = getattr(error, "strerror", None) or "it is not a text file"
         raise SourceError(f"config {path} cannot be read: {reason}") from error
     try:
-        return from_table(TrainSettings, _parsed(text), "")
+        return from_table(TrainSettings, _parse(text))
     except ArgumentError as error:
         raise ArgumentError(f"config {path}: {error}") from error
 
 
-def from_table(kind: type[Settings], table: Mapping[str, Any], where: str) -> Settings:
-    """A dataclass of the values of a table; `where` is the table's name, with a dot at its end.
+def from_table(kind: type[Settings], table: Mapping[str, Any], prefix: str = "") -> Settings:
+    """A dataclass from the values of a table.
 
-    Fields may be numbers, texts, flags, choices, other dataclasses, tuples of these, or None.
+    Parameters
+    ----------
+    kind : type
+        A dataclass with fields of numbers, strings, flags, literals, dataclasses, tuples of
+        these, or None.
+    table : mapping
+    prefix : str
+        Name of the table with a trailing dot, for messages.
+
+    Raises
+    ------
+    ArgumentError
+        A key is unknown or missing, or a value has the wrong type or range.
     """
     hints = get_type_hints(kind)
     known = {each.name: each for each in fields(kind)}  # type: ignore[arg-type]
@@ -52,15 +66,15 @@ def from_table(kind: type[Settings], table: Mapping[str, Any], where: str) -> Se
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            raise ArgumentError(f"unknown key {where}{key}; {hint}")
+            raise ArgumentError(f"unknown key {prefix}{key}; {hint}")
     for name, each in known.items():
         if name not in table and each.default is MISSING and each.default_factory is MISSING:
-            raise ArgumentError(f"{where}{name} is missing")
-    values = {key: _value(hints[key], value, f"{where}{key}") for key, value in table.items()}
+            raise ArgumentError(f"{prefix}{name} is missing")
+    values = {key: _convert(hints[key], value, f"{prefix}{key}") for key, value in table.items()}
     return kind(**values)
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def _parse(text: str) -> dict[str, Any]:
     if sys.version_info >= (3, 11):
         import tomllib
     else:
@@ -73,44 +87,44 @@ def _parsed(text: str) -> dict[str, Any]:
     try:
         return dict(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ArgumentError(f"is no TOML: {error}") from error
+        raise ArgumentError(f"not valid TOML: {error}") from error
 
 
-def _value(kind: Any, value: Any, where: str) -> Any:
+def _convert(kind: Any, value: Any, name: str) -> Any:
     origin, options = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):  # X | None: TOML has no None
         (kind,) = (option for option in options if option is not type(None))
-        return _value(kind, value, where)
+        return _convert(kind, value, name)
     if origin is Literal:
         if value not in options:
-            raise ArgumentError(f"{where} is {value!r}: choose from {', '.join(options)}")
+            raise ArgumentError(f"{name} is {value!r}: choose from {', '.join(options)}")
         return value
     if origin is tuple:
         if not isinstance(value, list):
-            raise ArgumentError(f"{where} is {value!r}: give a list")
+            raise ArgumentError(f"{name} is {value!r}: give a list")
         return tuple(
-            _value(item_kind, item, f"{where}[{i}]")
-            for i, (item_kind, item) in enumerate(_paired(options, value, where))
+            _convert(item_kind, item, f"{name}[{i}]")
+            for i, (item_kind, item) in enumerate(_with_types(options, value, name))
         )
     if is_dataclass(kind):
         if not isinstance(value, dict):
-            raise ArgumentError(f"{where} is {value!r}: give a table")
-        return from_table(kind, value, f"{where}.")  # type: ignore[arg-type]
-    return _plain(kind, value, where)
+            raise ArgumentError(f"{name} is {value!r}: give a table")
+        return from_table(kind, value, f"{name}.")  # type: ignore[arg-type]
+    return _convert_plain(kind, value, name)
 
 
-def _paired(options: tuple[Any, ...], values: list[Any], where: str) -> list[tuple[Any, Any]]:
+def _with_types(options: tuple[Any, ...], values: list[Any], name: str) -> list[tuple[Any, Any]]:
     """Each item of a list with its type."""
     if options[-1] is Ellipsis:
         return [(options[0], value) for value in values]
     if len(options) != len(values):
-        raise ArgumentError(f"{where} has {len(values)} values: give {len(options)}")
+        raise ArgumentError(f"{name} has {len(values)} values: give {len(options)}")
     return list(zip(options, values, strict=True))
 
 
-def _plain(kind: Any, value: Any, where: str) -> Any:
+def _convert_plain(kind: Any, value: Any, name: str) -> Any:
     if kind is float and type(value) is int:
         return float(value)
     if type(value) is not kind:
-        raise ArgumentError(f"{where} is {value!r}: give {_NAMES[kind]}")
+        raise ArgumentError(f"{name} is {value!r}: give {_TYPE_NAMES[kind]}")
     return value

@@ -1,4 +1,4 @@
-"""How wrong the network's responses are, for pairs whose target is known."""
+"""Labels of the response map's cells, and the losses of responses against the truth."""
 
 from __future__ import annotations
 
@@ -8,28 +8,49 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ssiam.networks.lite import LiteResponses
+from ssiam.networks import lite2
+from ssiam.networks.lite import CELLS, STRIDE, LiteResponses
+from ssiam.training.data.batches import Batch
 from ssiam.training.settings import LossSettings
-from ssiam.training.targets import Targets, cell_targets, corners_of, decoded
 
 __all__ = [
-    "Truth",
-    "box_loss",
+    "CellLabels",
+    "Lite2Predictions",
+    "PairLabels",
+    "cell_labels",
     "cross_entropy",
+    "decode_boxes",
+    "iou_and_giou",
+    "lite2_losses",
+    "lite2_predictions",
+    "lite_losses",
     "mask_losses",
-    "mean",
-    "overlaps",
-    "pair_losses",
-    "score_loss",
+    "pair_labels",
+    "to_corners",
+    "weighted_mean",
 ]
 
-_ALPHA: Final = 0.25  # of the focal loss (Lin et al., ICCV 2017, table 1b)
-_GAMMA: Final = 2.0
-_LEAST: Final = 1e-6
+_POSITIVE: Final = 0.5  # half axes of the ellipse of positive cells, relative to the box's
+_IGNORED: Final = 1.0  # of the ellipse outside of which cells are negative
+_FOCAL_ALPHA: Final = 0.25  # Lin et al., ICCV 2017, table 1b
+_FOCAL_GAMMA: Final = 2.0
+_MIN_AREA: Final = 1e-6  # px^2
+_MIN_IOU: Final = 1e-3  # in the logarithm
+_FAR_BELOW: Final = 1e4  # logits, below any real one
 
 
-class Truth(NamedTuple):
-    """What is known of N pairs: the fields of `Batch` as tensors, `mask` as float32 in 0..1."""
+class PairLabels(NamedTuple):
+    """The truth of N pairs: the fields of `Batch` as tensors.
+
+    Attributes
+    ----------
+    box : (N, 4) float32
+    present : (N,) bool
+    mask : (N, 64, 64) float32
+        0..1.
+    masked : (N,) bool
+    weight : (N,) float32
+    """
 
     box: Tensor
     present: Tensor
@@ -38,89 +59,182 @@ class Truth(NamedTuple):
     weight: Tensor
 
 
-def pair_losses(
-    responses: LiteResponses, truth: Truth, settings: LossSettings
-) -> dict[str, Tensor]:
-    """The losses by name, each multiplied by its weight in the settings.
+def pair_labels(batch: Batch) -> PairLabels:
+    """The truth of a batch as tensors."""
+    return PairLabels(
+        box=torch.from_numpy(batch.box),
+        present=torch.from_numpy(batch.present),
+        mask=torch.from_numpy(batch.mask).float() / 255,
+        masked=torch.from_numpy(batch.masked),
+        weight=torch.from_numpy(batch.weight),
+    )
+
+
+class CellLabels(NamedTuple):
+    """Labels of the cells of N pairs.
+
+    Attributes
+    ----------
+    positive : (N, n, n) bool
+        On the target: high score, and the box counts.
+    ignored : (N, n, n) bool
+        Neither positive nor negative.
+    """
+
+    positive: Tensor
+    ignored: Tensor
+
+
+def cell_labels(
+    box: Tensor, present: Tensor, cells: int = CELLS, stride: int = STRIDE
+) -> CellLabels:
+    """Label the cells of the response map as positive, ignored or negative.
+
+    Positive are the cells in the ellipse with half of the box's axes, and the cell nearest to its
+    center, so that every target in the crop has one. Ignored are the others in the ellipse that
+    touches the box's sides. All others are negative, as are all cells of absent targets (SiamBAN,
+    Chen et al., CVPR 2020, section 3.3).
 
     Parameters
     ----------
-    responses : LiteResponses
-    truth : Truth
-    settings : LossSettings
+    box : (N, 4) float32
+        cx, cy, w, h, px of the search crop from its middle pixel.
+    present : (N,) bool
+    cells : int
+        Side of the response map.
+    stride : int
+        Px of the search crop between cells.
     """
-    targets = cell_targets(truth.box, truth.present)
-    cells = truth.weight[:, None, None] * targets.positive  # weight of each box
-    boxes = decoded(responses.distances)
-    wanted = corners_of(truth.box)[:, :, None, None]
-    iou, giou = overlaps(boxes, wanted)
+    at = _cell_centers(box.device, cells, stride)
+    cx, cy, w, h = box[:, :, None].unbind(1)  # (N, 1) each
+    across = ((at - cx) / (w / 2).clamp(min=1e-3)) ** 2  # (N, n)
+    down = ((at - cy) / (h / 2).clamp(min=1e-3)) ** 2
+    radius = down[:, :, None] + across[:, None, :]  # squared, 1 on the ellipse of the box
+    inside = present & (box[:, :2].abs() < cells * stride / 2).all(dim=1)
+    nearest = _nearest_cell(at, cy)[:, :, None] & _nearest_cell(at, cx)[:, None, :]
+    positive = (radius < _POSITIVE**2) & present[:, None, None]
+    positive = positive | (nearest & inside[:, None, None])
+    ignored = (radius < _IGNORED**2) & present[:, None, None] & ~positive
+    return CellLabels(positive, ignored)
+
+
+def decode_boxes(distances: Tensor, stride: int = STRIDE) -> Tensor:
+    """Boxes of predicted distances to the target's sides.
+
+    Parameters
+    ----------
+    distances : (N, 4, n, n)
+        From each cell's center to the left, top, right and bottom, px of the crop.
+    stride : int
+        Px between cells.
+
+    Returns
+    -------
+    (N, 4, n, n)
+        Left, top, right, bottom, px of the crop from its middle pixel.
+    """
+    cells = int(distances.shape[-1])
+    at = _cell_centers(distances.device, cells, stride)
+    x, y = at[None, :].expand(cells, cells), at[:, None].expand(cells, cells)
+    left, top, right, bottom = distances.unbind(1)
+    return torch.stack([x - left, y - top, x + right, y + bottom], dim=1)
+
+
+def to_corners(box: Tensor) -> Tensor:
+    """Left, top, right, bottom (N, 4) of boxes cx, cy, w, h (N, 4)."""
+    center, half = box[:, :2], box[:, 2:] / 2
+    return torch.cat([center - half, center + half], dim=1)
+
+
+def _cell_centers(device: torch.device, cells: int, stride: int) -> Tensor:
+    """Centers (n,) of the cells along an axis, px from the middle pixel."""
+    return (torch.arange(cells, device=device) - (cells - 1) / 2) * stride
+
+
+def _nearest_cell(at: Tensor, center: Tensor) -> Tensor:
+    """Which cell (N, n) along an axis is nearest to the centers (N, 1)."""
+    index = (at - center).abs().argmin(dim=1)
+    return F.one_hot(index, len(at)).bool()
+
+
+def lite_losses(
+    responses: LiteResponses, labels: PairLabels, settings: LossSettings
+) -> dict[str, Tensor]:
+    """The losses of "lite" by name, each multiplied by its weight in the settings."""
+    cells = cell_labels(labels.box, labels.present)
+    box_weight = labels.weight[:, None, None] * cells.positive
+    boxes = decode_boxes(responses.distances)
+    iou, giou = iou_and_giou(boxes, to_corners(labels.box)[:, :, None, None])
     by_name = {
-        "score": score_loss(responses.score[:, 0], targets, truth.weight, settings),
-        "box": mean(box_loss(iou, giou, settings.kind_of_box), cells),
-        "quality": mean(cross_entropy(responses.quality[:, 0], iou.detach()), cells),
-        "mask": _mask_loss(responses.mask[:, 0], truth),
+        "score": _score_loss(responses.score[:, 0], cells, labels.weight, settings),
+        "box": weighted_mean(_box_loss(iou, giou, settings.kind_of_box), box_weight),
+        "quality": weighted_mean(cross_entropy(responses.quality[:, 0], iou.detach()), box_weight),
+        "mask": _mask_loss(responses.mask[:, 0], labels),
     }
     return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
 
 
-def overlaps(boxes: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
-    """IoU and generalised IoU (Rezatofighi et al., CVPR 2019) of boxes (N, 4, ...) -> (N, ...).
+class Lite2Predictions(NamedTuple):
+    """Responses of "lite2" to N pairs with decoded boxes.
+
+    Attributes
+    ----------
+    score, quality : (N, 15, 15)
+        Logits.
+    boxes : (N, 4, 15, 15)
+        Left, top, right, bottom, px of the search crop from its middle pixel.
+    """
+
+    score: Tensor
+    quality: Tensor
+    boxes: Tensor
+
+
+def lite2_predictions(responses: lite2.Lite2Responses) -> Lite2Predictions:
+    """Decode the boxes of responses, once for the losses against truth and teacher."""
+    boxes = decode_boxes(responses.distances, lite2.STRIDE)
+    return Lite2Predictions(responses.score[:, 0], responses.quality[:, 0], boxes)
+
+
+def lite2_losses(
+    predictions: Lite2Predictions, labels: PairLabels, settings: LossSettings
+) -> dict[str, Tensor]:
+    """The losses of "lite2" by name, each multiplied by its weight in the settings."""
+    cells = cell_labels(labels.box, labels.present, lite2.CELLS, lite2.STRIDE)
+    logits, quality, boxes = predictions
+    box_weight = labels.weight[:, None, None] * cells.positive
+    iou, giou = iou_and_giou(boxes, to_corners(labels.box)[:, :, None, None])
+    by_name = {
+        "score": _score_loss(logits, cells, labels.weight, settings),
+        "box": weighted_mean(_box_loss(iou, giou, settings.kind_of_box), box_weight),
+        "quality": weighted_mean(cross_entropy(quality, iou.detach()), box_weight),
+        "distractor": _distractor_loss(
+            logits, cells, labels.weight * labels.present, settings.margin
+        ),
+    }
+    return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
+
+
+def mask_losses(logits: Tensor, mask: Tensor) -> dict[str, Tensor]:
+    """Cross-entropy and 1 - Dice of mask logits (N, n, n) against covered fractions 0..1."""
+    entropy, dice = _mask_terms(logits, mask)
+    return {"mask": entropy.mean(), "dice": dice.mean()}
+
+
+def iou_and_giou(boxes: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
+    """IoU and generalized IoU (Rezatofighi et al., CVPR 2019) of boxes (N, 4, ...) -> (N, ...).
 
     Boxes are left, top, right, bottom.
     """
     shared = _area(
         torch.maximum(boxes[:, :2], others[:, :2]), torch.minimum(boxes[:, 2:], others[:, 2:])
     )
-    around = _area(
+    enclosing = _area(
         torch.minimum(boxes[:, :2], others[:, :2]), torch.maximum(boxes[:, 2:], others[:, 2:])
     )
-    both = _area(boxes[:, :2], boxes[:, 2:]) + _area(others[:, :2], others[:, 2:]) - shared
-    iou = shared / both.clamp(min=_LEAST)
-    return iou, iou - (around - both) / around.clamp(min=_LEAST)
-
-
-def box_loss(iou: Tensor, giou: Tensor, kind: str) -> Tensor:
-    """Loss of each box by its overlaps: 1 - GIoU, or -log IoU."""
-    return 1 - giou if kind == "giou" else -torch.log(iou.clamp(min=1e-3))
-
-
-def score_loss(logits: Tensor, targets: Targets, weight: Tensor, settings: LossSettings) -> Tensor:
-    """Focal or balanced loss of score logits (N, n, n); `weight` (N,) is that of each pair."""
-    positive = targets.positive.float()
-    counted = weight[:, None, None] * ~targets.ignored
-    entropy = cross_entropy(logits, positive)
-    if settings.kind_of_score == "balanced":
-        on, off = counted * positive, counted * (1 - positive)
-        return (mean(entropy, on) + mean(entropy, off)) / 2
-    wrong = torch.where(targets.positive, 1 - logits.sigmoid(), logits.sigmoid())
-    alpha = torch.where(targets.positive, _ALPHA, 1 - _ALPHA)
-    focal = alpha * wrong**_GAMMA * entropy * counted
-    return focal.sum() / (counted * positive).sum().clamp(min=1)
-
-
-def _mask_loss(logits: Tensor, truth: Truth) -> Tensor:
-    """Cross-entropy and, where there is a target, 1 - Dice; means over the pairs with masks.
-
-    Dice as of V-Net (Milletari et al., 3DV 2016), which is 1 for shares that are met as well.
-    """
-    weight = truth.weight * truth.masked
-    entropy, dice = _mask_terms(logits, truth.mask)
-    return mean(entropy, weight) + mean(dice, weight * truth.present)
-
-
-def mask_losses(logits: Tensor, mask: Tensor) -> dict[str, Tensor]:
-    """Cross-entropy and 1 - Dice of mask logits (N, n, n) against covered shares 0..1."""
-    entropy, dice = _mask_terms(logits, mask)
-    return {"mask": entropy.mean(), "dice": dice.mean()}
-
-
-def _mask_terms(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean cross-entropy and 1 - Dice (N,) of each mask."""
-    entropy = cross_entropy(logits, mask).mean(dim=(1, 2))
-    inside, both = logits.sigmoid(), (1, 2)
-    shared = 2 * (inside * mask).sum(dim=both) + 1
-    dice = 1 - shared / (inside.square().sum(dim=both) + mask.square().sum(dim=both) + 1)
-    return entropy, dice
+    union = _area(boxes[:, :2], boxes[:, 2:]) + _area(others[:, :2], others[:, 2:]) - shared
+    iou = shared / union.clamp(min=_MIN_AREA)
+    return iou, iou - (enclosing - union) / enclosing.clamp(min=_MIN_AREA)
 
 
 def cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
@@ -128,10 +242,59 @@ def cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
     return F.binary_cross_entropy_with_logits(logits, probability, reduction="none")
 
 
-def mean(values: Tensor, weights: Tensor) -> Tensor:
-    """Weighted mean; 0 where nothing counts."""
+def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
+    """Weighted mean; 0 if all weights are 0."""
     return (values * weights).sum() / weights.sum().clamp(min=1)
 
 
 def _area(low: Tensor, high: Tensor) -> Tensor:
     return (high - low).clamp(min=0).prod(dim=1)
+
+
+def _box_loss(iou: Tensor, giou: Tensor, kind: str) -> Tensor:
+    """1 - GIoU or -log IoU of each box."""
+    return 1 - giou if kind == "giou" else -torch.log(iou.clamp(min=_MIN_IOU))
+
+
+def _score_loss(
+    logits: Tensor, cells: CellLabels, weight: Tensor, settings: LossSettings
+) -> Tensor:
+    """Focal or balanced loss of score logits (N, n, n); `weight` (N,) is that of the pairs."""
+    positive = cells.positive.float()
+    counted = weight[:, None, None] * ~cells.ignored
+    entropy = cross_entropy(logits, positive)
+    if settings.kind_of_score == "balanced":
+        on, off = counted * positive, counted * (1 - positive)
+        return (weighted_mean(entropy, on) + weighted_mean(entropy, off)) / 2
+    wrong = torch.where(cells.positive, 1 - logits.sigmoid(), logits.sigmoid())
+    alpha = torch.where(cells.positive, _FOCAL_ALPHA, 1 - _FOCAL_ALPHA)
+    focal = alpha * wrong**_FOCAL_GAMMA * entropy * counted
+    return focal.sum() / (counted * positive).sum().clamp(min=1)
+
+
+def _distractor_loss(logits: Tensor, cells: CellLabels, weight: Tensor, margin: float) -> Tensor:
+    """Hinge loss of the best negative cell against the best positive one."""
+    on = logits.masked_fill(~cells.positive, -_FAR_BELOW).amax(dim=(1, 2))
+    off = logits.masked_fill(cells.positive | cells.ignored, -_FAR_BELOW).amax(dim=(1, 2))
+    hinge = (margin + off - on).clamp(min=0)
+    return weighted_mean(hinge, weight * cells.positive.any(dim=2).any(dim=1))
+
+
+def _mask_loss(logits: Tensor, labels: PairLabels) -> Tensor:
+    """Cross-entropy of all known masks, and 1 - Dice of those with a target."""
+    weight = labels.weight * labels.masked
+    entropy, dice = _mask_terms(logits, labels.mask)
+    return weighted_mean(entropy, weight) + weighted_mean(dice, weight * labels.present)
+
+
+def _mask_terms(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean cross-entropy and 1 - Dice (N,) of each mask.
+
+    Dice has squared terms (V-Net, Milletari et al., 3DV 2016), so that it reaches 1 for fractions
+    too.
+    """
+    entropy = cross_entropy(logits, mask).mean(dim=(1, 2))
+    inside, both = logits.sigmoid(), (1, 2)
+    shared = 2 * (inside * mask).sum(dim=both) + 1
+    dice = 1 - shared / (inside.square().sum(dim=both) + mask.square().sum(dim=both) + 1)
+    return entropy, dice

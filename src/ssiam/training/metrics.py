@@ -1,4 +1,4 @@
-"""What a training run tells of itself: a CSV file, and TensorBoard where that is installed."""
+"""Metrics of a run: a CSV file, and TensorBoard if it is installed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _COLUMNS: Final = ("step", "name", "value")
 
 
 class Metrics:
-    """Numbers by step and name, one a row.
+    """Writes values by step and name, one per row.
 
     Parameters
     ----------
     folder : Path
     step : int
-        Where the run goes on: rows of this and later steps, left by a run that was killed, are
-        taken out.
+        First step to be written. Existing rows of this and later steps, left by a killed run, are
+        removed.
 
     Raises
     ------
@@ -43,10 +43,10 @@ class Metrics:
         except OSError as error:
             raise output_error(path, error) from error
         self._rows = csv.writer(self._file)
-        self._board = _board(folder, step)
+        self._board = _open_board(folder, step)
 
     def write(self, step: int, values: Mapping[str, float]) -> None:
-        """Store the values of a step at once."""
+        """Write the values of a step and flush the file."""
         for name, value in values.items():
             self._rows.writerow((step, name, f"{value:.6g}"))
             if self._board is not None:
@@ -68,7 +68,7 @@ class Metrics:
 
 
 def _rows_before(path: Path, step: int) -> list[list[str]]:
-    """Rows of a file of earlier steps; a last row that was cut off is left out."""
+    """The rows of earlier steps, without the header and truncated rows."""
     if not path.is_file():
         return []
     with path.open(newline="", encoding="utf-8") as file:
@@ -76,7 +76,7 @@ def _rows_before(path: Path, step: int) -> list[list[str]]:
     return [row for row in rows if int(row[0]) < step]
 
 
-def _board(folder: Path, step: int) -> Any:
+def _open_board(folder: Path, step: int) -> Any:
     if find_spec("tensorboard") is None:
         return None
     from torch.utils.tensorboard import SummaryWriter

@@ -1,52 +1,160 @@
-"""What a training run is told: one frozen dataclass for each table of its TOML file."""
+"""Settings of a training run: one frozen dataclass for each table of its TOML file.
+
+The tables [pairs] and [[sources]] are `ssiam.training.data.settings` and
+`ssiam.training.data.registry`, which do not need PyTorch. Field names are the keys of the files.
+"""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Final, Literal
 
 from ssiam.errors import ArgumentError
-from ssiam.training.network_settings import NetworkSettings
-from ssiam.training.opening import SourceSettings
-from ssiam.training.pair_settings import PairSettings
-from ssiam.training.validation_settings import ValidationSettings, require
+from ssiam.networks.lite import BLOCKS
+from ssiam.networks.lite2 import ATTENTION_BLOCKS
+from ssiam.trackers.lite import SHIPPED
+from ssiam.training.data.registry import SourceSettings
+from ssiam.training.data.settings import PairSettings
 
 __all__ = [
+    "WEIGHTS",
+    "HeldOut",
     "LossSettings",
-    "OptimiserSettings",
+    "NetworkSettings",
+    "OptimizerSettings",
     "TeacherSettings",
     "TrainSettings",
+    "ValidationSettings",
 ]
 
-# These may differ when a run goes on; all others would make it another run.
-_FREE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
+WEIGHTS: Final = "weights.pth"  # in the folder of a run
+
+_LEVELS: Final = 3  # of the backbone
+# These may change when a run is resumed; any other change makes it a different run.
+_RESUMABLE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
 
 
 @dataclass(frozen=True)
-class OptimiserSettings:
-    """AdamW, and how its rate goes up and down.
+class NetworkSettings:
+    """The network, its initial weights, and the parts that are trained: [network].
+
+    Attributes
+    ----------
+    kind : {"lite", "lite2", "mask"}
+        The network of `ssiam.networks.lite`, `ssiam.networks.lite2` or `ssiam.networks.box_mask`.
+        Of the settings below, "lite2" uses `attention`, `begin` and `frozen_steps` only, "mask"
+        `weights` and `begin`.
+    attention : int
+        Attention blocks of "lite2"; 0 uses correlation only.
+    blocks : int
+        Blocks of the backbone, 9 to 11.
+    light : bool
+        Whether a light stem replaces the first two levels of the backbone.
+    weights : str, optional
+        File of the backbone's ImageNet weights; None for those of the installed package.
+    begin : str, optional
+        The weights.pth of a run to start from, which may have no light stem, or "lite" for the
+        shipped weights. None starts from ImageNet weights. "lite2" starts from the authors'
+        nanotrackv3.pth or the weights.pth of a run.
+    learns : {"all", "mask"}
+        Train everything, or the mask head only, which leaves the tracking unchanged. The settings
+        below are then ignored.
+    stem_steps : int
+        First steps, in which only the light stem is trained, on the features of the blocks that
+        it replaces.
+    frozen_steps : int
+        Steps, including these, before the backbone is trained.
+    trained_levels : int
+        Levels of the backbone that are then trained, from the deepest: 0, 1 (stride 16) or 2
+        (strides 16 and 8); with a light stem 0, 1 or 3 (all). The levels before them are frozen
+        and run in OpenVINO.
+
+    Raises
+    ------
+    ArgumentError
+        `begin` is missing where it is needed, or a number is out of range.
+    """
+
+    kind: Literal["lite", "lite2", "mask"] = "lite"
+    attention: int = ATTENTION_BLOCKS
+    blocks: int = BLOCKS
+    light: bool = True
+    weights: str | None = None
+    begin: str | None = None
+    learns: Literal["all", "mask"] = "all"
+    stem_steps: int = 1000
+    frozen_steps: int = 5000
+    trained_levels: int = 1
+
+    def __post_init__(self) -> None:
+        if self.kind == "lite2" and self.begin is None:
+            raise ArgumentError('kind "lite2" starts from trained weights: give begin')
+        allowed = (0, 1, _LEVELS) if self.light else (0, 1, 2)
+        _require(
+            self.trained_levels in allowed,
+            "trained_levels",
+            self.trained_levels,
+            ", ".join(map(str, allowed)),
+        )
+        for name in ("stem_steps", "frozen_steps"):
+            _require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
+        if self.learns == "mask" and self.begin is None:
+            raise ArgumentError('learns = "mask" needs the weights of a tracker: give begin')
+
+    @property
+    def weights_path(self) -> Path | None:
+        """Of the ImageNet weights; None for those of the installed package."""
+        return None if self.weights is None else Path(self.weights)
+
+    @property
+    def begin_path(self) -> Path | None:
+        """Of the weights to start from."""
+        if self.begin is None:
+            return None
+        return SHIPPED / WEIGHTS if self.begin == "lite" else Path(self.begin)
+
+    @property
+    def stem_only_steps(self) -> int:
+        """Number of the first steps, in which only a light stem is trained."""
+        stem_only = self.kind == "lite" and self.light and self.learns == "all"
+        return self.stem_steps if stem_only else 0
+
+    def frozen_levels(self, step: int) -> int:
+        """Number of the first levels of the backbone that are frozen in a step."""
+        frozen = step < self.frozen_steps or self.learns == "mask"
+        return _LEVELS if frozen else _LEVELS - self.trained_levels
+
+
+@dataclass(frozen=True)
+class OptimizerSettings:
+    """AdamW and its learning rate schedule: [optimiser].
 
     Attributes
     ----------
     lr : float
-        Greatest learning rate.
+        Maximum learning rate.
     stem_lr : float
-        That of a light stem while it learns alone.
+        Maximum learning rate of a light stem that is trained alone.
     backbone : float
-        Factor of the backbone's rate.
+        Learning rate factor of the backbone.
     head : float
-        Factor of the rate of the parts of "lite2" that begin with trained weights and follow the
-        backbone.
+        Learning rate factor of the pretrained parts of "lite2" after the backbone.
     decay : float
-        Of the weights, for each unit of the rate; normalisations and biases have none.
+        Weight decay, relative to the learning rate; none for normalizations and biases.
     warm_up : int
-        Steps in which the rate rises to `lr`; a tenth of all if that is less.
+        Steps of linear increase to `lr`; at most a tenth of all steps.
     final : float
-        Factor of the rate at the end of the cosine.
+        Factor of the learning rate at the end of the cosine.
     clip : float
-        Greatest norm of the gradient.
+        Maximum norm of the gradient.
     average : float
-        Weight of what was in the moving average of the weights, for one more step.
+        Decay per step of the moving average of the weights.
+
+    Raises
+    ------
+    ArgumentError
+        A number is out of range.
     """
 
     lr: float = 1e-3
@@ -60,22 +168,22 @@ class OptimiserSettings:
     average: float = 0.9995
 
     def __post_init__(self) -> None:
-        require(self.lr > 0, "lr", self.lr, "more than 0")
-        require(0 <= self.average < 1, "average", self.average, "0 to less than 1")
+        _require(self.lr > 0, "lr", self.lr, "more than 0")
+        _require(0 <= self.average < 1, "average", self.average, "0 to less than 1")
 
 
 @dataclass(frozen=True)
 class LossSettings:
-    """Which losses, and their weights; a weight of 0 leaves a loss out.
+    """Kinds and weights of the losses; a weight of 0 disables a loss: [losses].
 
     Attributes
     ----------
     kind_of_score : {"focal", "balanced"}
-        Focal loss, or cross-entropy in which cells on and off the target count alike.
+        Focal loss, or cross-entropy with equal weight of positive and negative cells.
     kind_of_box : {"giou", "log_iou"}
     score, box, quality, mask, distractor : float
-        `distractor`, of "lite2": the best cell off the target scores by less than `margin` less
-        than the best one on it.
+        `distractor`, of "lite2", is a hinge loss: the best negative cell has to score at least
+        `margin` below the best positive one.
     margin : float
         Logits.
     """
@@ -92,20 +200,20 @@ class LossSettings:
 
 @dataclass(frozen=True)
 class TeacherSettings:
-    """A trained NanoTrack v3 to learn from, also on pairs of weight 0; for "lite2" FEAR-XS as well.
+    """Distillation from NanoTrack v3 and, for "lite2", FEAR-XS: [teacher].
 
     Attributes
     ----------
     weights : str
-        Folder of its two ONNX files.
+        Folder of NanoTrack v3's two ONNX files.
     fear : str, optional
-        Folder of FEAR-XS's two ONNX files. "lite2" learns, pair by pair, from the one of the two
-        whose best box agrees better with the truth.
+        Folder of FEAR-XS's two ONNX files. For each pair, "lite2" is distilled from the teacher
+        whose best box has the larger overlap with the true one.
     agreement : float
-        Overlap (IoU) of that box with the truth from which "lite2" learns from it.
+        Minimum overlap (IoU) of that box for "lite2".
     features, score, box : float
-        Weights of being unlike it: of the features at stride 16 (not of "lite2"), of the scores,
-        and of the boxes where it sees the target.
+        Weights of the losses against the teacher: features at stride 16 (not of "lite2"), scores,
+        and boxes where the teacher detects the target.
     """
 
     weights: str
@@ -117,28 +225,81 @@ class TeacherSettings:
 
 
 @dataclass(frozen=True)
+class HeldOut:
+    """A dataset for validation: [[validation.held_out]].
+
+    Attributes
+    ----------
+    path : str
+    kind, split : str, optional
+        See `ssiam.datasets.open_dataset`.
+    only : tuple of str
+        Patterns of the names of sequences to include; empty includes all.
+    name : str
+        In the metrics; datasets with the same name are measured together.
+    """
+
+    path: str
+    kind: str | None = None
+    split: str | None = None
+    only: tuple[str, ...] = ()
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ValidationSettings:
+    """Tracking of held-out sequences during training: [validation].
+
+    Attributes
+    ----------
+    held_out : tuple of HeldOut
+    every : int
+        Steps between validations; the last step is always followed by one.
+    frames : int
+        Maximum number of frames of each sequence.
+
+    Raises
+    ------
+    ArgumentError
+        `every` is below 1.
+    """
+
+    held_out: tuple[HeldOut, ...] = ()
+    every: int = 5000
+    frames: int = 150
+
+    def __post_init__(self) -> None:
+        _require(self.every >= 1, "every", self.every, "1 or more")
+
+
+@dataclass(frozen=True)
 class TrainSettings:
-    """A whole run.
+    """A whole training run.
 
     Attributes
     ----------
     sources : tuple of SourceSettings
-        Where pairs come from.
+        The training data.
     steps : int
     batch : int
-        Pairs of a step.
+        Pairs per step.
     seed : int
     workers : int
-        Processes that draw pairs.
+        Processes that load pairs.
     threads : int
-        CPU threads of the training process; with 1, a run that is killed and goes on ends with
-        the same weights to the bit.
+        CPU threads of the training process. With 1, a run that is killed and resumed gives
+        bit-identical weights.
     checkpoint_minutes : float
-        Between two checkpoints.
+        Between checkpoints.
     log_every : int
-        Steps between two rows of metrics.
+        Steps between rows of metrics.
     pairs, network, optimiser, losses, teacher, validation
         The tables of these names.
+
+    Raises
+    ------
+    ArgumentError
+        A number is out of range, or the mask head would be trained with a teacher.
     """
 
     sources: tuple[SourceSettings, ...]
@@ -151,19 +312,24 @@ class TrainSettings:
     log_every: int = 50
     pairs: PairSettings = field(default_factory=PairSettings)
     network: NetworkSettings = field(default_factory=NetworkSettings)
-    optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
+    optimiser: OptimizerSettings = field(default_factory=OptimizerSettings)
     losses: LossSettings = field(default_factory=LossSettings)
     teacher: TeacherSettings | None = None
     validation: ValidationSettings | None = None
 
     def __post_init__(self) -> None:
         for name in ("steps", "batch", "threads", "log_every"):
-            require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
-        require(self.workers >= 0, "workers", self.workers, "0 or more")
+            _require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
+        _require(self.workers >= 0, "workers", self.workers, "0 or more")
         if self.network.learns == "mask" and self.teacher is not None:
-            raise ArgumentError('a teacher knows no masks: leave it out where learns = "mask"')
+            raise ArgumentError('a teacher has no masks: leave it out with learns = "mask"')
 
     def identity(self) -> dict[str, Any]:
-        """What makes this run this run: the values by name, of plain types."""
+        """The settings, as plain values, that must not change when the run is resumed."""
         values = asdict(self)
-        return {name: values[name] for name in values if name not in _FREE}
+        return {name: values[name] for name in values if name not in _RESUMABLE}
+
+
+def _require(holds: bool, name: str, value: float, expected: str) -> None:
+    if not holds:
+        raise ArgumentError(f"{name} {value} of a training run: give {expected}")

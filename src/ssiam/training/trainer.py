@@ -1,151 +1,217 @@
-"""`Trainer`: one step of learning, and all that has to be kept to go on after it."""
+"""Training: `Trainer` takes single steps, `train` runs from a folder's checkpoint to the end."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import torch
 from torch import Tensor, nn
 
 from ssiam.errors import WeightsError
-from ssiam.runtime.openvino import supports_bf16
-from ssiam.training.batches import Batch
-from ssiam.training.ema import Average
-from ssiam.training.lite2_student import Lite2Student
-from ssiam.training.losses import Truth, pair_losses
-from ssiam.training.mask_crops import MaskBatch
-from ssiam.training.mask_student import MaskStudent
-from ssiam.training.optimiser import build_optimiser, set_rate
-from ssiam.training.settings import TeacherSettings, TrainSettings
-from ssiam.training.student import Student
-from ssiam.training.teacher import Teacher, lesson_losses
+from ssiam.training.checkpoints import (
+    make_folder,
+    read_checkpoint,
+    write_checkpoint,
+    write_network,
+)
+from ssiam.training.data.batches import AnyBatch, BatchSampler, load_batches
+from ssiam.training.data.mask_sampling import MaskSampler
+from ssiam.training.data.pairs import PairSampler
+from ssiam.training.data.registry import open_training_source
+from ssiam.training.metrics import Metrics
+from ssiam.training.optimizer import (
+    WeightAverage,
+    build_optimizer,
+    keep_freed_memory,
+    set_learning_rate,
+)
+from ssiam.training.settings import TrainSettings
+from ssiam.training.students import build_student
+from ssiam.training.teachers import DistillationSampler
+from ssiam.training.validation import validate
 
-__all__ = ["Trainer"]
+__all__ = ["Batches", "Report", "Trainer", "train", "training_batches"]
+
+Batches: TypeAlias = Callable[[range], Iterator[AnyBatch]]
+Report: TypeAlias = Callable[[int, dict[str, float]], None]
 
 
 class Trainer:
-    """A network in training: weights, their average, and the optimiser's memory.
+    """A student with its optimizer and weight average.
 
-    PyTorch's threads are set as the settings say, and its random numbers to their seed.
+    Sets the number of PyTorch's threads and its random seed.
 
     Parameters
     ----------
     settings : TrainSettings
+    state : dict, optional
+        A `state` to resume from.
+
+    Attributes
+    ----------
+    average : WeightAverage
+    step : int
+        Number of steps done.
 
     Raises
     ------
     MissingExtraError, WeightsError
-        The backbone's or the teacher's weights are not there or damaged.
+        The initial or the teacher's weights are missing or damaged, or the state is of another
+        network.
     """
 
-    def __init__(self, settings: TrainSettings) -> None:
+    def __init__(self, settings: TrainSettings, state: dict[str, Any] | None = None) -> None:
         torch.set_num_threads(settings.threads)
         torch.manual_seed(settings.seed)
         self._settings = settings
-        # Depthwise convolutions, of which "lite2" has most, take longer in bf16.
-        self._bf16 = settings.network.kind == "lite" and _quick_in_bf16()
-        teacher = settings.teacher
-        self._teacher = None
-        self._student: Student | Lite2Student | MaskStudent
-        if settings.network.kind == "lite2":
-            self._student = Lite2Student(settings)
-        elif settings.network.kind == "mask":
-            self._student = MaskStudent(settings.network)
-        else:
-            self._teacher = None if teacher is None else _teacher(teacher, settings.threads)
-            self._student = Student(
-                settings.network,
-                taught=teacher is not None,
-                threads=settings.threads,
-                precision="bf16" if supports_bf16() else "f32",
-            )
+        self._student = build_student(settings)
         # Its overloads differ between versions of PyTorch.
         cast(Any, self._student).to(memory_format=torch.channels_last)
-        self.average = Average(self._student.network, settings.optimiser.average)
-        self._optimiser = build_optimiser(self._student, settings)
+        self.average = WeightAverage(self._student.network, settings.optimiser.average)
+        self._optimizer = build_optimizer(self._student, settings.optimiser)
         self.step = 0
+        if state is not None:
+            self._load(state)
 
-    def learn(self, batch: Batch | MaskBatch) -> dict[str, Tensor]:
-        """Take the next step on a batch; the losses by name, without gradients."""
-        self._student.prepare(self.step)
-        set_rate(self._optimiser, self.step, self._settings)
-        losses = self._losses(batch)
-        self._optimiser.zero_grad()
+    def learn(self, batch: AnyBatch) -> dict[str, Tensor]:
+        """Take the next step; returns the losses by name, without gradients."""
+        set_learning_rate(self._optimizer, self.step, self._settings)
+        losses = self._student.losses(batch, self.step)
+        self._optimizer.zero_grad()
         cast(Any, sum(losses.values())).backward()
-        learning = [each for each in self._student.parameters() if each.grad is not None]
-        nn.utils.clip_grad_norm_(learning, self._settings.optimiser.clip)
-        self._optimiser.step()
-        self.average.follow(self._student.network, self.step)
+        trained = [each for each in self._student.parameters() if each.grad is not None]
+        nn.utils.clip_grad_norm_(trained, self._settings.optimiser.clip)
+        self._optimizer.step()
+        self.average.update(self._student.network, self.step)
         self.step += 1
         return {name: loss.detach() for name, loss in losses.items()}
 
     def state(self) -> dict[str, Any]:
-        """All that changes from step to step."""
+        """Everything that changes from step to step."""
         return {
             "step": self.step,
             "student": self._student.state_dict(),
             "average": self.average.network.state_dict(),
-            "optimiser": self._optimiser.state_dict(),
+            "optimiser": self._optimizer.state_dict(),
             "random": torch.get_rng_state(),
         }
 
-    def go_on(self, state: dict[str, Any]) -> None:
-        """Be where `state` was taken; `WeightsError` if it is not one of such a trainer."""
+    def _load(self, state: dict[str, Any]) -> None:
         try:
             self._student.load_state_dict(state["student"])
             self.average.network.load_state_dict(state["average"])
-            self._optimiser.load_state_dict(state["optimiser"])
+            self._optimizer.load_state_dict(state["optimiser"])
             torch.set_rng_state(state["random"])
             self.step = int(state["step"])
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
             raise WeightsError(
-                "the checkpoint is not of this network: train from the start in another folder"
+                "the checkpoint is of another network: train from the start in another folder"
             ) from error
 
-    def _losses(self, batch: Batch | MaskBatch) -> dict[str, Tensor]:
-        if isinstance(batch, MaskBatch):
-            assert isinstance(self._student, MaskStudent), "batches are of the network's kind"
-            return self._student.losses(batch)
-        if isinstance(self._student, Lite2Student):
-            return self._student.losses(batch)
-        assert isinstance(self._student, Student), "batches are of the network's kind"
-        if self.step < self._settings.network.stem_alone:
-            with self._arithmetic():
-                return {"stem": self._student.stem_loss(batch.search)}
-        with self._arithmetic():
-            seen = self._student(batch.template, batch.search)
-        # Losses are small differences of large sums: in float32.
-        responses = type(seen.responses)(*(each.float() for each in seen.responses))
-        losses = pair_losses(responses, _truth(batch), self._settings.losses)
-        if self._teacher is None or self._settings.teacher is None or seen.adapted is None:
-            return losses
-        lesson = self._teacher.lesson(batch.template, batch.search)
-        template, search = (each.float() for each in seen.adapted)
-        taught = lesson_losses(lesson, responses, (template, search), self._settings.teacher)
-        return losses | taught
 
-    def _arithmetic(self) -> AbstractContextManager[Any]:
-        return torch.autocast("cpu", torch.bfloat16) if self._bf16 else nullcontext()
+def training_batches(settings: TrainSettings) -> Batches:
+    """Open the training data of a run; the result loads the batches of a range of steps.
+
+    Raises
+    ------
+    DatasetError
+        A set is missing or damaged.
+    ArgumentError
+        No set has a weight above 0.
+    """
+    sources = [open_training_source(each) for each in settings.sources]
+    sampler: BatchSampler
+    if settings.network.kind == "mask":
+        sampler = MaskSampler(sources, settings.pairs, settings.seed)
+    else:
+        sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
+        if settings.network.kind == "lite2" and settings.teacher is not None:
+            sampler = DistillationSampler(pairs, settings.teacher)
+    return partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
 
 
-def _quick_in_bf16() -> bool:
-    """Whether PyTorch learns faster in bf16: without AMX its gradients take twice as long."""
-    tell: Callable[[], dict[str, Any]] = getattr(torch.cpu, "get_capabilities", dict)
-    return bool(tell().get("amx_bf16", False))  # older versions tell nothing
+def train(settings: TrainSettings, batches: Batches, folder: Path, report: Report) -> None:
+    """Train to the last step and write the averaged network.
+
+    A checkpoint is written every few minutes; the same call resumes from it.
+
+    Parameters
+    ----------
+    settings : TrainSettings
+    batches : callable
+        Gives the batches of a range of steps, in order; see `training_batches`.
+    folder : Path
+        Of checkpoint.pth, metrics.csv and finally weights.pth and the ONNX pieces; made if it
+        does not exist.
+    report : callable
+        Called with step and metrics of every row.
+
+    Raises
+    ------
+    SinkError
+        The folder cannot be written.
+    WeightsError
+        The checkpoint or the initial weights are damaged.
+    ArgumentError
+        The folder holds a run with other settings.
+    """
+    make_folder(folder)
+    state = read_checkpoint(folder, settings)
+    keep_freed_memory()
+    trainer = Trainer(settings, state)
+    with Metrics(folder, trainer.step) as metrics:
+        loop = _Loop(settings, trainer, folder, metrics, report)
+        for batch in batches(range(trainer.step, settings.steps)):
+            loop.step(batch)
+    write_network(trainer.average.network, folder)
 
 
-def _teacher(settings: TeacherSettings, threads: int) -> Teacher:
-    return Teacher(Path(settings.weights), threads)
+class _Loop:
+    """Takes steps, and writes metrics, validation results and checkpoints when they are due."""
 
+    def __init__(
+        self,
+        settings: TrainSettings,
+        trainer: Trainer,
+        folder: Path,
+        metrics: Metrics,
+        report: Report,
+    ) -> None:
+        self._settings, self._trainer, self._folder = settings, trainer, folder
+        self._metrics, self._report = metrics, report
+        self._logged_at = self._saved_at = time.monotonic()
+        self._logged_step = trainer.step
+        self._sums: dict[str, Tensor] = {}
 
-def _truth(batch: Batch) -> Truth:
-    return Truth(
-        box=torch.from_numpy(batch.box),
-        present=torch.from_numpy(batch.present),
-        mask=torch.from_numpy(batch.mask).float() / 255,
-        masked=torch.from_numpy(batch.masked),
-        weight=torch.from_numpy(batch.weight),
-    )
+    def step(self, batch: AnyBatch) -> None:
+        """Train on a batch."""
+        for name, loss in self._trainer.learn(batch).items():
+            self._sums[name] = self._sums[name] + loss if name in self._sums else loss
+        done = self._trainer.step
+        last = done == self._settings.steps
+        if done % self._settings.log_every == 0 or last:
+            self._log_losses()
+        validation = self._settings.validation
+        if validation and (done % validation.every == 0 or last):
+            self._write(validate(self._trainer.average.network, validation))
+        minutes = (time.monotonic() - self._saved_at) / 60
+        if last or minutes > self._settings.checkpoint_minutes:
+            write_checkpoint(self._folder, self._settings, self._trainer.state())
+            self._saved_at = time.monotonic()
+
+    def _log_losses(self) -> None:
+        """Write the mean losses since the last call, and the speed."""
+        steps, now = self._trainer.step - self._logged_step, time.monotonic()
+        means = {name: float(value) / steps for name, value in self._sums.items()}
+        speed = steps * self._settings.batch / max(now - self._logged_at, 1e-9)
+        self._write({**means, "loss": sum(means.values()), "pairs_per_second": speed})
+        self._logged_step, self._logged_at, self._sums = self._trainer.step, now, {}
+
+    def _write(self, values: dict[str, float]) -> None:
+        step = self._trainer.step - 1
+        self._metrics.write(step, values)
+        self._report(step, values)

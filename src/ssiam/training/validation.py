@@ -1,4 +1,4 @@
-"""How well a network tracks: success on sequences that it has never seen."""
+"""Validation: success and precision of a network's tracker on held-out sequences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 import torch
 
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import Sequence as VideoSequence
+from ssiam.datasets import open_dataset
 from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.box_mask import BoxMaskNetwork
@@ -23,26 +24,29 @@ from ssiam.runtime import Network
 from ssiam.stabilize import FrameView
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
 from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker
-from ssiam.training.augment import AugmentSettings
-from ssiam.training.ema import AnyNetwork
-from ssiam.training.mask_crops import MaskSampler
-from ssiam.training.opening import SourceSettings, open_training_source
-from ssiam.training.pair_settings import PairSettings
-from ssiam.training.validation_settings import HeldOut, ValidationSettings
+from ssiam.training.data.mask_sampling import MaskSampler
+from ssiam.training.data.registry import SourceSettings, open_training_source
+from ssiam.training.data.settings import AugmentSettings, PairSettings
+from ssiam.training.settings import HeldOut, ValidationSettings
+from ssiam.training.students import AnyNetwork
 
-__all__ = ["held_out_sequences", "mask_overlap", "validate"]
+__all__ = ["validate"]
 
-_UNCHANGED: Final = AugmentSettings(*[0.0] * len(fields(AugmentSettings)))
-_HALF: Final = 127  # of 255, a cell of which a half is covered
+_NO_AUGMENTATION: Final = AugmentSettings(*[0.0] * len(fields(AugmentSettings)))
+_HALF_COVERED: Final = 127  # of 255
 
 
 def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, float]:
-    """Success and precision of one pass over the held-out sequences, means of each dataset.
+    """Success and precision of one pass over the held-out sequences, averaged per dataset name.
 
-    Every sequence is started on its first box and tracked for as many frames as the settings
-    say, without stabilization. The values of datasets without a name are called success and
-    precision; those of the others, which may share one, have the name before that. A network of
-    masks is measured by the mean overlap (IoU) of its masks, see `mask_overlap`.
+    Each sequence is initialized with its first box and tracked without stabilization. The metrics
+    are called "success" and "precision", after the dataset's name and a space if it has a name.
+    A mask network is validated by "mask_overlap", the mean IoU of its masks.
+
+    Parameters
+    ----------
+    network : LiteNetwork, Lite2Network or BoxMaskNetwork
+    settings : ValidationSettings
 
     Raises
     ------
@@ -50,62 +54,60 @@ def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, flo
         A dataset is missing or damaged.
     """
     if isinstance(network, BoxMaskNetwork):
-        return {"mask_overlap": mask_overlap(network, settings)}
+        return {"mask_overlap": _mask_overlap(network, settings)}
     tracker = _tracker(network)
-    found: dict[str, list[Success]] = defaultdict(list)
-    for each in settings.held_out:
-        for sequence in held_out_sequences((each,)):
+    by_name: dict[str, list[Success]] = defaultdict(list)
+    for held_out in settings.held_out:
+        for sequence in _sequences(held_out):
             count = min(len(sequence), settings.frames, len(sequence.truth))
             truth = np.array([sequence.box(t) for t in range(count)])
-            found[each.name].append(success(_tracked(tracker, sequence, count), truth))
+            boxes = _track(tracker, sequence, count)
+            by_name[held_out.name].append(success(boxes, truth))
     values = {}
-    for name, of_name in found.items():
-        mean = mean_success(of_name)
+    for name, results in by_name.items():
+        mean = mean_success(results)
         values[f"{name} success".lstrip()] = mean.auc
         values[f"{name} precision".lstrip()] = mean.precision
     return values
 
 
-def mask_overlap(network: BoxMaskNetwork, settings: ValidationSettings) -> float:
-    """Mean overlap (IoU) of the masks of boxes that are as little exact as a tracker's.
+def _mask_overlap(network: BoxMaskNetwork, settings: ValidationSettings) -> float:
+    """Mean IoU of the masks of boxes with the errors of a tracker.
 
-    The datasets' kind is a layout of training data with masks, "davis" if none is named; `frames`
-    crops are drawn of each, always the same.
+    The kind of a dataset is a layout of training data with masks, "davis" by default. The same
+    `frames` crops of each dataset are used every time.
     """
-    found: list[float] = []
-    for each in settings.held_out:
-        source = open_training_source(
-            SourceSettings(each.kind or "davis", each.path, only=each.only)
-        )
-        sampler = MaskSampler([source], PairSettings(augment=_UNCHANGED))
+    overlaps: list[float] = []
+    for held_out in settings.held_out:
+        layout = held_out.kind or "davis"
+        source = open_training_source(SourceSettings(layout, held_out.path, only=held_out.only))
+        sampler = MaskSampler([source], PairSettings(augment=_NO_AUGMENTATION))
         batch = sampler.batch(0, settings.frames)
         with torch.inference_mode():
             logits = network(torch.from_numpy(batch.crop).float())[:, 0].numpy()
-        inside, mask = logits > 0, batch.mask > _HALF
-        found.extend((inside & mask).sum((1, 2)) / (inside | mask).sum((1, 2)))
-    return float(np.mean(found))
+        inside, mask = logits > 0, batch.mask > _HALF_COVERED
+        overlaps.extend((inside & mask).sum((1, 2)) / (inside | mask).sum((1, 2)))
+    return float(np.mean(overlaps))
 
 
-def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
-    """The sequences of the datasets, of those that the patterns take."""
-    for each in held_out:
-        dataset = open_dataset(each.path, each.kind, split=each.split)
-        for name in dataset.sequences:
-            if not each.only or any(fnmatchcase(name, pattern) for pattern in each.only):
-                yield dataset.sequences[name]
+def _sequences(held_out: HeldOut) -> Iterator[VideoSequence]:
+    dataset = open_dataset(held_out.path, held_out.kind, split=held_out.split)
+    for name in dataset.sequences:
+        if not held_out.only or any(fnmatchcase(name, pattern) for pattern in held_out.only):
+            yield dataset.sequences[name]
 
 
-def _tracked(
-    tracker: LiteTracker | Lite2Tracker, sequence: Sequence, count: int
+def _track(
+    tracker: LiteTracker | Lite2Tracker, sequence: VideoSequence, count: int
 ) -> list[tuple[float, ...]]:
-    """The boxes of a sequence's first frames."""
+    """The boxes of the first `count` frames; the first one is the true box."""
     frames = islice(sequence.images(), count)
     tracker.init(FrameView(next(frames)), sequence.box(0))
     return [sequence.box(0), *(tracker.track(FrameView(frame)).box for frame in frames)]
 
 
 def _tracker(network: LiteNetwork | Lite2Network) -> LiteTracker | Lite2Tracker:
-    """A tracker on the network's pieces in PyTorch; success does not look at masks."""
+    """A tracker with the network in PyTorch, without masks."""
     graphs = inference_graphs(network, sliced=False)
     runners: dict[str, Network] = {
         piece: GraphRunner(graphs[piece].eval(), partial(PieceShapes, [], []))

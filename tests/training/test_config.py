@@ -1,0 +1,73 @@
+"""Configs: valid files, and the one-line errors of invalid ones."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+
+from ssiam.cli import main
+from ssiam.training.config import read_config
+
+SOURCE = '[[sources]]\nlayout = "davis"\npath = "x"\n'
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.toml")), ids=lambda path: path.stem)
+def test_all_configs_of_the_repository_are_valid(path):
+    assert read_config(path).sources
+
+
+def test_values_of_the_example_config():
+    settings = read_config(CONFIGS / "lite.toml")
+    assert settings.sources[0].layout == "davis"
+    assert settings.teacher.weights == "weights/nanotrackv3"
+    assert settings.validation.held_out[0].kind is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        pytest.param("steps = ", "not valid TOML", id="no TOML"),
+        pytest.param("", "sources is missing", id="no sources"),
+        pytest.param(f"stpes = 3\n{SOURCE}", "unknown key stpes; did you mean steps?", id="typo"),
+        pytest.param(
+            f"[pairs.augment]\nfilp = 1\n{SOURCE}",
+            "unknown key pairs.augment.filp; did you mean flip?",
+            id="typo in a table",
+        ),
+        pytest.param(f'steps = "3"\n{SOURCE}', "steps is '3': give an integer", id="string"),
+        pytest.param(f"steps = true\n{SOURCE}", "steps is True: give an integer", id="flag"),
+        pytest.param(f"steps = 0\n{SOURCE}", "steps 0 of a training run", id="zero"),
+        pytest.param(f"losses = 3\n{SOURCE}", "losses is 3: give a table", id="no table"),
+        pytest.param("sources = 3\n", "sources is 3: give a list", id="no list"),
+        pytest.param(
+            f'[losses]\nkind_of_box = "iou"\n{SOURCE}', "choose from giou, log_iou", id="choice"
+        ),
+        pytest.param("[[sources]]\npath = 'x'\n", r"sources[0].layout is missing", id="layout"),
+        pytest.param(
+            f"[network]\ntrained_levels = 2\n{SOURCE}", "trained_levels 2", id="half a stem"
+        ),
+        pytest.param(
+            f'[network]\nlearns = "mask"\n{SOURCE}', "give begin", id="mask without weights"
+        ),
+        pytest.param(
+            f'[network]\nlearns = "mask"\nbegin = "w"\n[teacher]\nweights = "t"\n{SOURCE}',
+            "a teacher has no masks",
+            id="mask with a teacher",
+        ),
+    ],
+)
+def test_invalid_configs_give_a_one_line_error(tmp_path, capsys, text, message):
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    assert main(["train", str(path), "--out", str(tmp_path / "out")]) == 2
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert "c.toml" in printed
+    assert printed.count("\n") == 1
+
+
+def test_a_missing_config(tmp_path, capsys):
+    assert main(["train", str(tmp_path / "missing.toml")]) == 2
+    assert "missing.toml cannot be read" in capsys.readouterr().err
