@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from ssiam.training.optimizer import Average  # noqa: E402
+from ssiam.training.optimizer import WeightAverage  # noqa: E402
 
 KEPT = 0.9
 
@@ -26,24 +26,24 @@ def values(average):
 
 
 def test_the_average_keeps_its_share_in_each_step():
-    average, late = Average(network(1.0, 7), KEPT), 1000
-    average.follow(network(2.0, 8), late)
+    average, late = WeightAverage(network(1.0, 7), KEPT), 1000
+    average.update(network(2.0, 8), late)
     assert values(average) == (pytest.approx(1.1), 8)
-    average.follow(network(2.0, 9), late + 1)
+    average.update(network(2.0, 9), late + 1)
     assert values(average) == (pytest.approx(2 - KEPT**2), 9)
 
 
 @pytest.mark.parametrize(("step", "kept"), [(0, 1 / 10), (8, 9 / 18), (71, 72 / 81), (80, 0.9)])
 def test_the_first_steps_keep_less(step, kept):
-    average = Average(network(0.0, 0), KEPT)
-    average.follow(network(1.0, 1), step)
+    average = WeightAverage(network(0.0, 0), KEPT)
+    average.update(network(1.0, 1), step)
     assert values(average)[0] == pytest.approx(1 - kept, abs=1e-5)
 
 
 def test_the_network_that_is_followed_stays_as_it_is():
     followed = network(1.0, 0)
-    average = Average(followed, KEPT)
-    average.follow(network(3.0, 0), 1000)
+    average = WeightAverage(followed, KEPT)
+    average.update(network(3.0, 0), 1000)
     assert float(followed.weight[0].detach()) == 1
     assert not average.network.training
     assert not any(each.requires_grad for each in average.network.parameters())

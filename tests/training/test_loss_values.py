@@ -7,9 +7,9 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from ssiam.training.losses import (  # noqa: E402
-    Targets,
+    CellLabels,
+    _score_loss,
     mask_losses,
-    score_loss,
 )
 from ssiam.training.settings import LossSettings  # noqa: E402
 
@@ -19,12 +19,12 @@ LOG2 = math.log(2)  # cross-entropy of a probability of one half
 def score(kind, logits, positive, ignored=()):
     """The score loss of one pair whose response map has these cells in a row."""
     cells = range(len(logits))
-    targets = Targets(
+    targets = CellLabels(
         torch.tensor([[[cell in positive for cell in cells]]]),
         torch.tensor([[[cell in ignored for cell in cells]]]),
     )
     maps = torch.tensor([[logits]], dtype=torch.float32)
-    return float(score_loss(maps, targets, torch.ones(1), LossSettings(kind_of_score=kind)))
+    return float(_score_loss(maps, targets, torch.ones(1), LossSettings(kind_of_score=kind)))
 
 
 def test_focal_loss_weighs_positive_cells_by_a_quarter():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from ssiam.errors import MissingExtraError
@@ -30,12 +29,8 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         raise MissingExtraError("training needs PyTorch: pip install 'ssiam[train]'") from error
     from ssiam.training.checkpoints import CHECKPOINT, check_run_outputs, write_network_so_far
     from ssiam.training.config import read_config
-    from ssiam.training.data.batches import load_batches
-    from ssiam.training.data.mask_sampling import MaskSampler
-    from ssiam.training.data.pairs import PairSampler
-    from ssiam.training.data.registry import open_training_source
-    from ssiam.training.teachers import DistillationSampler
     from ssiam.training.trainer import train as run
+    from ssiam.training.trainer import training_batches
 
     settings = read_config(config)
     folder = out or Path("runs") / config.stem
@@ -47,16 +42,7 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     check_run_outputs(settings, "--out", folder, inputs)
-    sources = [open_training_source(each) for each in settings.sources]
-    sampler: PairSampler | DistillationSampler | MaskSampler
-    if settings.network.kind == "mask":
-        sampler = MaskSampler(sources, settings.pairs, settings.seed)
-    else:
-        sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
-        if settings.network.kind == "lite2" and settings.teacher is not None:
-            sampler = DistillationSampler(pairs, settings.teacher)
-    batches = partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
-    run(settings, batches, folder, _print_metrics)
+    run(settings, training_batches(settings), folder, _print_metrics)
 
 
 def _print_metrics(step: int, values: dict[str, float]) -> None:
