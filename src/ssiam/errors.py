@@ -52,6 +52,20 @@ class IncompleteError(SsiamError):
     """Work that ran to its end with parts missing; what was done is kept."""
 
 
+class DatasetError(SsiamError):
+    """A dataset that is missing, damaged or of another layout; the text names file or folder."""
+
+
+class UnknownSequenceError(DatasetError, KeyError):
+    """A sequence name that a dataset does not have."""
+
+    __str__ = Exception.__str__  # that of KeyError adds quotes
+
+
+class AnnotationsError(SsiamError):
+    """Results that cannot be read as annotations; the text names the file and often the line."""
+
+
 Choice = TypeVar("Choice", bound=str)
 
 

@@ -18,8 +18,8 @@ from helpers.datasets_on_disk import (
     write_vot,
 )
 from ssiam.datasets import DatasetError, open_dataset
-from ssiam.datasets.lasot_split import TEST
-from ssiam.datasets.uav123_ranges import PARTS
+from ssiam.datasets.lasot import TEST
+from ssiam.datasets.uav123 import PARTS
 
 
 def test_uav123(tmp_path):

@@ -10,12 +10,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ssiam.datasets.boxes import located, read_boxes
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import image_folder, images_in
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, image_folder, images_in
+from ssiam.datasets.ground_truth import located, read_boxes
 from ssiam.datasets.sequence import Sequence
+from ssiam.errors import DatasetError
 from ssiam.video import open_source
 from ssiam.video.folders import IMAGE_SUFFIXES
 

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ssiam.datasets.errors import DatasetError, UnknownSequenceError
 from ssiam.datasets.sequence import Sequence
+from ssiam.errors import DatasetError, UnknownSequenceError
 
 Readers: TypeAlias = Mapping[str, Callable[[], Sequence]]
 

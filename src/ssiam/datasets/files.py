@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path, PurePosixPath
 
-from ssiam.datasets.errors import DatasetError
+from ssiam.errors import DatasetError
 from ssiam.video.folders import image_paths
 
 # Bytes. The longest sequences in use have 30,000 frames and take less than half of it.
@@ -85,3 +85,27 @@ def named_like(folder: Path) -> Path | None:
         if f"_{folder.name}".endswith(f"_{path.stem}") and path.is_file()
     )
     return next(found, None)
+
+
+def check_counts(
+    where: Path | str, frames: int, boxes: int, *, one_is_enough: bool = False
+) -> None:
+    """Raise `DatasetError` unless there is a box for every frame, or one if that is enough."""
+    if frames != boxes and not (one_is_enough and boxes == 1):
+        raise DatasetError(
+            f"{where}: {frames} images but {boxes} boxes; one of them is not whole, get it again"
+        )
+
+
+def frames_by_number(
+    folder: Path, by_number: dict[int, Path], first: int, count: int
+) -> tuple[Path, ...]:
+    """The images numbered `first` and the `count` - 1 after it; `DatasetError` names a missing."""
+    wanted = range(first, first + count)
+    missing = [number for number in wanted if number not in by_number]
+    if missing:
+        raise DatasetError(
+            f"{folder}: frames {first} to {wanted[-1]} have boxes, but the images of {len(missing)}"
+            f" of them are missing, from {missing[0]} on; get them again"
+        )
+    return tuple(by_number[number] for number in wanted)

@@ -12,11 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import located, read_xywh
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.files import images_in
-from ssiam.datasets.labels import read_flags, read_levels
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, images_in
+from ssiam.datasets.ground_truth import located, read_flags, read_levels, read_xywh
 from ssiam.datasets.sequence import Sequence
 
 EXPECTS = "groundtruth.txt, meta_info.ini and 00000001.jpg in each GOT-10k_... folder"

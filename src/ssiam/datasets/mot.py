@@ -22,12 +22,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import located
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import images_in, inside, numbered, read_text, subfolders
-from ssiam.datasets.pairing import frames_by_number
+from ssiam.datasets.files import (
+    frames_by_number,
+    images_in,
+    inside,
+    numbered,
+    read_text,
+    subfolders,
+)
+from ssiam.datasets.ground_truth import located
 from ssiam.datasets.sequence import Sequence
+from ssiam.errors import DatasetError
 
 EXPECTS = "gt/gt.txt and img1/ in each clip's folder"
 

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import stacked
 from ssiam.datasets.dataset import Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import inside, read_text
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, inside, read_text
+from ssiam.datasets.ground_truth import stacked
 from ssiam.datasets.sequence import Sequence
+from ssiam.errors import DatasetError
 
 EXPECTS = "a .json that tells img_names and gt_rect of each sequence"
 

@@ -9,11 +9,9 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ssiam.datasets.boxes import read_boxes
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.files import image_folder, images_in, inside, read_text
-from ssiam.datasets.labels import read_flags
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, image_folder, images_in, inside, read_text
+from ssiam.datasets.ground_truth import read_boxes, read_flags
 from ssiam.datasets.sequence import Sequence
 
 EXPECTS = "groundtruth.txt in each sequence's folder, with the images in it or in its color/"

@@ -1,8 +1,8 @@
 """Tracks for other programs: annotation tools, supervision, Rerun."""
 
+from ssiam.errors import AnnotationsError
 from ssiam.exchange.annotations import Annotation, Annotations, annotation_of, read_annotations
 from ssiam.exchange.detections import to_detections
-from ssiam.exchange.errors import AnnotationsError
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
 from ssiam.exchange.rerun_log import RerunLog
 from ssiam.exchange.timeline import Timeline, timeline

@@ -10,8 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from ssiam.errors import ArgumentError
-from ssiam.exchange.errors import AnnotationsError
+from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.result_lines import Record, read_records
 from ssiam.geometry import XYWH
 from ssiam.track import Track

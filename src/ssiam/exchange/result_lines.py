@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from ssiam.exchange.errors import AnnotationsError
+from ssiam.errors import AnnotationsError
 from ssiam.video.layouts import COLUMNS
 
 Record: TypeAlias = Mapping[str, float | None]

@@ -1,7 +1,6 @@
 """What the camera did between two frames: alignment of all its pixels, or keypoints and flow."""
 
-from ssiam.motion.ahead import MotionAhead
-from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName
+from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName, MotionAhead
 from ssiam.motion.fit import FitName
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion

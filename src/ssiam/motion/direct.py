@@ -14,15 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import Image
+from ssiam.geometry import Image, Transform
 from ssiam.motion.alignment import Aligned, Rules, align
 from ssiam.motion.cells import Floats, Grid, Template
+from ssiam.motion.coarse import CoarseStart
 from ssiam.motion.content import flat_outside, shows_nothing, without_rim
-from ssiam.motion.models import ModelName
+from ssiam.motion.models import ModelName, map_units
 from ssiam.motion.motion import Motion, plausible
-from ssiam.motion.overlays import Overlays
-from ssiam.motion.pictures import Picture, Scales
-from ssiam.motion.start import CoarseStart
+from ssiam.motion.pyramid import Picture, Scales
 
 # Where nobody tells what moves by itself, every cell counts the same, and must agree more closely.
 _TOLD: Final = Rules(noise=2.0, tolerance=0.3, evenness=0.3, rounds=4, enough=5e-4)
@@ -141,3 +140,44 @@ class DirectMotion:
             and max(x.max() - x.min(), y[-1] - y[0]) >= _SPREAD  # cells lie row by row
         )
         return motion if sure and plausible(motion) else Motion.none(self._size_wh)
+
+
+_MOVED: Final = 1.0  # px of the fine picture that a cell must have moved to tell anything
+_SAME: Final = 0.25  # share of the texture by which a cell that stands still may differ
+_BETTER: Final = 0.5  # share of the error of moving that standing still must stay below
+_CHANGED: Final = 0.5  # share of the texture by which a cell differs that does not stand still
+_GAIN: Final = 0.25  # of a frame's evidence
+_BELIEVED: Final = 0.5  # three frames in a row
+
+
+class Overlays:
+    """Learns which cells belong to the screen and not to the scene.
+
+    Attributes
+    ----------
+    background : (cells,) float32
+        0 for cells that are drawn over the picture, else 1.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._evidence = np.zeros(grid.cells, dtype=np.float32)
+        self.background: Floats = np.ones(grid.cells, dtype=np.float32)
+
+    def update(
+        self, prev: Template, cur: Template, cur_from_prev: Transform, error: Floats
+    ) -> None:
+        """Compare how well moving (`error`, by cell) and standing still explain a frame."""
+        still = prev.change_to(cur)
+        same = (still < np.minimum(_SAME * prev.texture, _BETTER * error)) & prev.textured
+        if same.any():
+            evidence = same & self._moved(cur_from_prev)
+            self._evidence += np.where(evidence, _GAIN * (1 - self._evidence), 0)
+        self._evidence[still > _CHANGED * prev.texture] = 0
+        self.background = (self._evidence < _BELIEVED).astype(np.float32)
+
+    def _moved(self, cur_from_prev: Transform) -> NDArray[np.bool_]:
+        """Cells (cells,) that moved far enough to tell the screen from the scene."""
+        centres = self._grid.centres
+        shift = map_units(cur_from_prev, centres) - centres
+        return np.asarray(np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED)

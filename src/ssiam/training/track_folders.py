@@ -24,10 +24,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from ssiam.datasets import DatasetError
-from ssiam.datasets.boxes import located, read_xywh
-from ssiam.datasets.files import images_in, read_text
-from ssiam.datasets.labels import read_flags
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, images_in, read_text
+from ssiam.datasets.ground_truth import located, read_flags, read_xywh
 from ssiam.geometry import XYWH
 from ssiam.training.clips import Clip
 from ssiam.training.folders import files_below

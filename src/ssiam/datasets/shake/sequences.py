@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Dataset, LazySequences
-from ssiam.datasets.exposure import ShakingCamera
 from ssiam.datasets.sequence import Sequence
-from ssiam.datasets.shake import Shake, shaking_camera
+from ssiam.datasets.shake.camera import Shake, ShakingCamera, shaking_camera
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
 
