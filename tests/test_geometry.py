@@ -43,7 +43,7 @@ def test_rigid_turns_clockwise_on_screen():
 
 
 def test_roll_about_the_centre_is_no_shift():
-    centre = g.frame_centre((640, 360))
+    centre = g.frame_center((640, 360))
     roll = g.rigid(0, 0, np.deg2rad(0.5), centre)
     assert g.rigid_parameters(roll, centre)[:2] == pytest.approx((0, 0), abs=1e-9)
     assert np.hypot(*g.rigid_parameters(roll, (0, 0))[:2]) > 3  # the trap: taken at the origin

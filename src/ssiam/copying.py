@@ -10,7 +10,7 @@ from ssiam.errors import CopyError
 Self_ = TypeVar("Self_")
 
 
-class CopiedWhole:
+class DeepCopied:
     """Of objects that change as they are used: `copy.copy` is `copy.deepcopy`.
 
     A shallow copy would go on with the other's state, half of it.
@@ -20,16 +20,16 @@ class CopiedWhole:
         return deepcopy(self)
 
 
-class NotPickled(CopiedWhole):
+class NotPicklable(DeepCopied):
     """Of objects that can be copied, by `copy`, but not be sent elsewhere.
 
     Attributes
     ----------
-    _instead : str
+    _copy_hint : str
         What to do instead, for the message.
     """
 
-    _instead = "make one where it is needed"
+    _copy_hint = "make one where it is needed"
 
     def __deepcopy__(self: Self_, memo: dict[int, Any]) -> Self_:
         copied = object.__new__(type(self))
@@ -39,10 +39,10 @@ class NotPickled(CopiedWhole):
         return copied
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        raise CopyError(f"{type(self).__name__} cannot be pickled: {self._instead}")
+        raise CopyError(f"{type(self).__name__} cannot be pickled: {self._copy_hint}")
 
 
-class SharedByCopies(NotPickled):
+class SharedOnCopy(NotPicklable):
     """Of objects without a state: a copy is the object itself."""
 
     def __copy__(self: Self_) -> Self_:
@@ -52,10 +52,10 @@ class SharedByCopies(NotPickled):
         return self
 
 
-class NotCopied:
+class NotCopyable:
     """Of objects that hold what exists once, such as an open file: neither copied nor pickled."""
 
-    _instead = "open another one"
+    _copy_hint = "open another one"
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        raise CopyError(f"{type(self).__name__} cannot be copied or pickled: {self._instead}")
+        raise CopyError(f"{type(self).__name__} cannot be copied or pickled: {self._copy_hint}")

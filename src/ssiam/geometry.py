@@ -31,13 +31,13 @@ IDENTITY: Transform = np.eye(3)
 IDENTITY.flags.writeable = False
 
 
-def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
-    """Rotation by `angle` about `centre_xy`, followed by the shift (dx, dy).
+def rigid(dx: float, dy: float, angle: float, center_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
+    """Rotation by `angle` about `center_xy`, followed by the shift (dx, dy).
 
     Eq. 7 of the paper with its sign misprint mended. `dx`, `dy` in pixels, `angle` in radians.
     """
     cos, sin = math.cos(angle), math.sin(angle)
-    cx, cy = centre_xy
+    cx, cy = center_xy
     return np.array(
         [
             [cos, -sin, cx - cos * cx + sin * cy + dx],
@@ -48,23 +48,23 @@ def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0,
 
 
 def rigid_parameters(
-    to_from_from: Transform, centre_xy: Sequence[float]
+    to_from_from: Transform, center_xy: Sequence[float]
 ) -> tuple[float, float, float]:
-    """(dx, dy, angle) of a transform at `centre_xy`: the inverse of `rigid`, eq. 4 of the paper.
+    """(dx, dy, angle) of a transform at `center_xy`: the inverse of `rigid`, eq. 4 of the paper.
 
     The shift is that of the centre itself. At the image origin a roll of half a degree would
     show up as several pixels of shift in the middle of the picture. Of transforms with more
     freedom, the angle is that of the nearest turn and zoom at the centre.
     """
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
-    x, y = centre_xy
+    x, y = center_xy
     weight = g * x + h * y + i
     new_x, new_y = (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
     turn, zoom = d - b - g * new_y + h * new_x, a + e - g * new_x - h * new_y
     return new_x - x, new_y - y, math.atan2(turn * weight, zoom * weight)
 
 
-def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:
+def frame_center(size_wh: tuple[int, int]) -> tuple[float, float]:
     """Centre of a frame of (width, height) pixels, in pixel coordinates (pixel centres)."""
     return (size_wh[0] - 1) / 2, (size_wh[1] - 1) / 2
 
@@ -159,7 +159,7 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     `size_wh` = (width, height) pixels, and is at most twice as wide and high as it: trackers
     need memory in proportion to the box.
     """
-    values = four_numbers(xywh)
+    values = xywh_floats(xywh)
     x, y, w, h = values
     if not np.isfinite(values).all():
         raise ArgumentError(f"box {values} holds a number that is not finite")
@@ -179,7 +179,7 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     return x, y, w, h
 
 
-def four_numbers(xywh: Any, name: str = "box") -> XYWH:
+def xywh_floats(xywh: Any, name: str = "box") -> XYWH:
     """x, y, width, height as floats, or an `ArgumentError` that calls them `name`.
 
     Refused are text, sets and mappings, which are sequences of something else or have no order,
@@ -191,11 +191,11 @@ def four_numbers(xywh: Any, name: str = "box") -> XYWH:
             values = [_number(value) for value in xywh]
     if values is None:
         raise ArgumentError(
-            f"{name} is {shortened(xywh)}: give four numbers, x, y, width, height in pixels"
+            f"{name} is {short_repr(xywh)}: give four numbers, x, y, width, height in pixels"
         )
     if len(values) != 4:
         raise ArgumentError(
-            f"{name} {shortened(xywh)} has {len(values)} numbers: "
+            f"{name} {short_repr(xywh)} has {len(values)} numbers: "
             "give x, y, width, height in pixels"
         )
     x, y, w, h = values
@@ -234,7 +234,7 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     return width, height
 
 
-def shortened(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """What a value looks like, in one line of at most 80 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

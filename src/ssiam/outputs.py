@@ -27,7 +27,7 @@ _Identity: TypeAlias = tuple[object, ...]
 _STANDARD_STREAMS = (1, 2)  # descriptors of standard output and standard error
 
 
-def check_apart(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> None:
+def check_distinct(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> None:
     """Refuse outputs that are inputs, and two outputs that are one file; opens nothing.
 
     Files and folders are compared by identity, so that other spellings, symbolic links, hard
@@ -125,7 +125,7 @@ def output_error(path: Path, error: Exception, part: Path | None = None) -> Sink
     return SinkError(f"{path}: cannot be written ({reason}){rest}")
 
 
-class Part:
+class PartFile:
     """The file ``NAME.part.EXT`` in which an output grows until it is whole, and gets its name.
 
     A part that another run left is not touched: the new one is then called ``NAME.part-2.EXT``.
@@ -235,7 +235,7 @@ class ClosedAtExit(ABC):
             self.close()
 
 
-def left_parts(path: Path) -> list[Path]:
+def leftover_parts(path: Path) -> list[Path]:
     """Parts of the output `path` that runs which were killed, or are still going on, have left."""
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
@@ -246,19 +246,20 @@ def left_parts(path: Path) -> list[Path]:
 
 
 @contextmanager
-def replaced(
+def atomic_write(
     path: Path, mode: str, *, overwrite: bool = True, hidden: bool = False
 ) -> Iterator[IO[Any]]:
     """A file to be written as text ("w", UTF-8) or bytes ("wb"), which then becomes `path`.
 
-    `path` holds the new content or, whatever goes wrong, the old; the options are those of `Part`.
+    `path` holds the new content or, whatever goes wrong, the old; the options are
+    those of `PartFile`.
 
     Raises
     ------
     SinkError
         It cannot be written, now or later.
     """
-    part = Part(path, overwrite=overwrite, hidden=hidden)
+    part = PartFile(path, overwrite=overwrite, hidden=hidden)
     is_text = "b" not in mode
     try:
         with part.file.open(

@@ -1,4 +1,4 @@
-"""Videos and folders of images with a box file, and the frames of a `Sequence`."""
+"""Videos and folders of images with a box file, and the frames of a `VideoSequence`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from helpers.datasets_on_disk import boxes, number_in, picture, text, write_images, write_otb
-from ssiam.datasets import DatasetError, Sequence, open_dataset, read_image
+from ssiam.datasets import DatasetError, VideoSequence, open_dataset, read_image
 from ssiam.errors import SourceError
 
 
@@ -49,7 +49,7 @@ def test_video_shorter_than_its_boxes(tmp_path):
 
 def test_part_of_a_video(tmp_path):
     video = _write_video(tmp_path / "walk.mp4", 8)
-    sequence = Sequence("part", video, boxes(3), first=4)
+    sequence = VideoSequence("part", video, boxes(3), first=4)
     assert [number_in(image) for image in sequence.images()] == [5, 6, 7]
     assert [number_in(image) for image in sequence.images(1)] == [6, 7]
 
@@ -97,7 +97,7 @@ def test_image_that_cannot_be_read(tmp_path, content, message):
     frames[1].unlink()
     if content is not None:
         frames[1].write_bytes(content)
-    images = Sequence("s", frames, boxes(3)).images()
+    images = VideoSequence("s", frames, boxes(3)).images()
     assert number_in(next(images)) == 1
     with pytest.raises(SourceError, match=f"0002.jpg: .*{message}"):
         next(images)
@@ -120,7 +120,7 @@ def test_deep_images_are_shown_by_one_rule_wherever_one_begins(tmp_path):
         image[40:, 50:] = 30000 if number >= 9 else image[40:, 50:]
         cv2.imwrite(str(tmp_path / f"{number:02}.png"), image)
     paths = tuple(sorted(tmp_path.glob("*.png")))
-    sequence = Sequence("thermal", paths, np.zeros((12, 4)))
+    sequence = VideoSequence("thermal", paths, np.zeros((12, 4)))
     whole = list(sequence.images())
     assert np.ptp(whole[0]) > 150
     for start in (1, 10):
@@ -143,6 +143,6 @@ def test_a_frame_that_cannot_be_decoded_does_not_shift_the_boxes(tmp_path):
     data = bytearray(path.read_bytes())
     data[packet.pos : packet.pos + packet.size] = bytes(packet.size)
     path.write_bytes(data)
-    sequence = Sequence("walk", path, np.zeros((11, 4)))
+    sequence = VideoSequence("walk", path, np.zeros((11, 4)))
     with pytest.raises(SourceError, match=r"cannot be decoded, so that boxes and frames"):
         list(sequence.images())

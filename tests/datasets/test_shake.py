@@ -13,15 +13,15 @@ import pytest
 from helpers.shake_inputs import SIZE, STRENGTH
 from ssiam.datasets import SHAKE_KINDS, Shake, camera_path
 from ssiam.errors import ArgumentError
-from ssiam.geometry import frame_centre, local_zoom, rigid_parameters
+from ssiam.geometry import frame_center, local_zoom, rigid_parameters
 
 
 def shifts_angles_zooms(shake, count, size_wh=SIZE, name=""):
     """(N, 4): dx and dy in widths, angle, log zoom."""
     found = []
     for pose in camera_path(shake, count, size_wh, name):
-        dx, dy, angle = rigid_parameters(pose, frame_centre(size_wh))
-        zoom = local_zoom(pose, frame_centre(size_wh))
+        dx, dy, angle = rigid_parameters(pose, frame_center(size_wh))
+        zoom = local_zoom(pose, frame_center(size_wh))
         found.append((dx / size_wh[0], dy / size_wh[0], angle, np.log(zoom)))
     return np.array(found)
 

@@ -12,8 +12,8 @@ from helpers.shake_inputs import BLOB, SIZE, STRENGTH, blob_clip, blob_picture, 
 from ssiam.datasets import (
     SHAKE_KINDS,
     Dataset,
-    Sequence,
     Shake,
+    VideoSequence,
     camera_path,
     open_dataset,
     shaken,
@@ -101,6 +101,6 @@ def test_a_dataset_is_shaken_when_it_is_read(tmp_path):
 
 
 def test_where_the_size_is_told_no_image_is_opened(tmp_path):
-    raw = Sequence("s", (tmp_path / "absent.png",) * 3, boxes(3), size_wh=SIZE)
+    raw = VideoSequence("s", (tmp_path / "absent.png",) * 3, boxes(3), size_wh=SIZE)
     dataset = shaken_dataset(Dataset("d", "pysot", {"s": raw}), Shake(STRENGTH))
     assert dataset.sequences["s"].truth.shape == (3, 4)

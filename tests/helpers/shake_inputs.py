@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 
 SIZE = (320, 240)
 BLOB = (150.3, 108.6)  # where its light is, pixels
@@ -16,7 +16,7 @@ def sequence(folder, picture, count, truth, name="clip", **fields):
     """The same picture in every frame."""
     path = folder / f"{name}.png"
     cv2.imwrite(str(path), picture)
-    return Sequence(name, (path,) * count, np.asarray(truth, dtype=np.float64), **fields)
+    return VideoSequence(name, (path,) * count, np.asarray(truth, dtype=np.float64), **fields)
 
 
 def blob_picture():

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from ssiam.geometry import frame_centre, rigid
+from ssiam.geometry import frame_center, rigid
 
 
 def generator(seed):
@@ -61,4 +61,4 @@ def seen(picture, frame_from_world):
 
 def poses(shifts_angles, size_wh):
     """frame_from_world of a camera at each (dx, dy, angle), turned about its centre."""
-    return [rigid(dx, dy, angle, frame_centre(size_wh)) for dx, dy, angle in shifts_angles]
+    return [rigid(dx, dy, angle, frame_center(size_wh)) for dx, dy, angle in shifts_angles]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from helpers.synthetic import generator, poses, world
 from ssiam import CameraMotion
-from ssiam.geometry import frame_centre, map_points, rigid
+from ssiam.geometry import frame_center, map_points, rigid
 
 SIZE = (640, 360)
 SCENE = world(3, (960, 540))
@@ -41,7 +41,7 @@ def corner_error(found, truth):
 @settings(max_examples=40, deadline=None)
 @given(**MOTIONS, model=st.sampled_from(["rigid", "similarity"]))
 def test_rigid_motions_are_recovered(dx, dy, angle, model):
-    truth = rigid(dx, dy, angle, frame_centre(SIZE))
+    truth = rigid(dx, dy, angle, frame_center(SIZE))
     motion = between(view(np.eye(3)), view(truth), model=model)
     found_dx, found_dy, found_angle = motion.shift_angle
     assert motion.reliable
@@ -52,7 +52,7 @@ def test_rigid_motions_are_recovered(dx, dy, angle, model):
 @settings(max_examples=20, deadline=None)
 @given(**MOTIONS)
 def test_the_reversed_pair_gives_the_inverse(dx, dy, angle):
-    prev, cur = view(np.eye(3)), view(rigid(dx, dy, angle, frame_centre(SIZE)))
+    prev, cur = view(np.eye(3)), view(rigid(dx, dy, angle, frame_center(SIZE)))
     there, back = between(prev, cur), between(cur, prev)
     assert corner_error(back.cur_from_prev @ there.cur_from_prev, np.eye(3)) < 0.2
 
@@ -60,7 +60,7 @@ def test_the_reversed_pair_gives_the_inverse(dx, dy, angle):
 @settings(max_examples=20, deadline=None)
 @given(**MOTIONS, scale=st.sampled_from([0.5, 0.75, 1.5, 2.0]))
 def test_scaling_the_picture_scales_the_motion(dx, dy, angle, scale):
-    frames = view(np.eye(3)), view(rigid(dx, dy, angle, frame_centre(SIZE)))
+    frames = view(np.eye(3)), view(rigid(dx, dy, angle, frame_center(SIZE)))
     plain = between(*frames).shift_angle
     scaled = between(
         *(
@@ -75,7 +75,7 @@ def test_scaling_the_picture_scales_the_motion(dx, dy, angle, scale):
 @pytest.mark.parametrize("size_wh", [(1280, 720), (480, 854), (320, 240), (200, 150)])
 def test_frames_of_any_size_and_shape(size_wh):
     scene = world(4, tuple(int(1.5 * side) for side in size_wh))
-    truth = rigid(0.04 * size_wh[0], -0.03 * size_wh[1], 0.02, frame_centre(size_wh))
+    truth = rigid(0.04 * size_wh[0], -0.03 * size_wh[1], 0.02, frame_center(size_wh))
     motion = between(view(np.eye(3), scene, size_wh), view(truth, scene, size_wh))
     assert motion.shift_angle == pytest.approx(
         (0.04 * size_wh[0], -0.03 * size_wh[1], 0.02), abs=2e-4 * max(size_wh)
@@ -83,7 +83,7 @@ def test_frames_of_any_size_and_shape(size_wh):
 
 
 def test_a_jump_of_a_sixth_of_the_width_is_found():
-    truth = rigid(105, -40, 0.05, frame_centre(SIZE))
+    truth = rigid(105, -40, 0.05, frame_center(SIZE))
     motion = between(view(np.eye(3)), view(truth))
     assert motion.reliable
     assert corner_error(motion.cur_from_prev, truth) < 0.3
@@ -185,7 +185,7 @@ def test_water_that_moves_every_way_has_no_vote():
 
 
 def test_a_change_of_light_is_not_a_motion():
-    truth = rigid(6, -4, 0.01, frame_centre(SIZE))
+    truth = rigid(6, -4, 0.01, frame_center(SIZE))
     darker = (view(truth) * 0.8 + 25).astype(np.uint8)
     assert corner_error(between(view(np.eye(3)), darker).cur_from_prev, truth) < 0.3
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.outputs import check_apart
+from ssiam.outputs import check_distinct
 
 
 def words(text: str) -> list[str]:
@@ -19,7 +19,7 @@ def words(text: str) -> list[str]:
 def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[Path] = ()) -> None:
     """Refuse a folder of results that is a dataset or weights; `ArgumentError` names it."""
     inputs = [("the dataset", path) for path in datasets]
-    check_apart([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
+    check_distinct([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
 
 
 def report_left_parts(parts: Iterable[Path]) -> None:

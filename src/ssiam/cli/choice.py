@@ -12,12 +12,17 @@ from cyclopts import Group, Parameter
 
 from ssiam.outputs import NamedPath
 from ssiam.runtime import DeviceName, Precision, RuntimeName
-from ssiam.stabilize import StabilizerConfig
+from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, SteadiedTracker, TrackerName, load_tracker
 
 TARGET = Group("Target", sort_key=1)
 RUNNING = Group("Running", sort_key=9)
 STEADYING = Group("Steadying", sort_key=10)
+
+
+# Flags of the parts of `StabilizerConfig` have no prefix: --thx1, --no-choose.
+Parameter(name="*", group=Group("Stabilization: paper and literal", sort_key=11))(PaperConfig)
+Parameter(name="*", group=Group("Stabilization: predict", sort_key=12))(PredictConfig)
 
 
 @Parameter(name="*")

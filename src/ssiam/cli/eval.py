@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
-from ssiam.datasets import Sequence as Truth
-from ssiam.datasets import open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
 from ssiam.evaluation.eao import interval_of
 from ssiam.evaluation.lines import ResultsError
@@ -97,7 +96,7 @@ def evaluate(
     _check_whole(left_out, len(folders))
 
 
-def _one_pass(results: Path, sequences: Sequence[Truth], json_output: bool) -> None:
+def _one_pass(results: Path, sequences: Sequence[VideoSequence], json_output: bool) -> None:
     inside = sorted(path for path in results.iterdir() if path.is_dir() and holds_one_pass(path))
     direct = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
         (results / each.name).is_dir() for each in sequences

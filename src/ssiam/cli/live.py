@@ -16,7 +16,7 @@ from ssiam.cli.arguments import levels as parsed_levels
 from ssiam.cli.arguments import report_left_parts
 from ssiam.cli.choice import RUNNING, STEADYING, TrackerChoice
 from ssiam.errors import IncompleteError
-from ssiam.outputs import NamedPath, check_output, left_parts
+from ssiam.outputs import NamedPath, check_output, leftover_parts
 from ssiam.stabilize import StabilizerConfig
 from ssiam.video.source_files import check_apart_from_source
 from ssiam.web import Health, Note, Session
@@ -134,7 +134,7 @@ def _check_outputs(
     check_apart_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
-        report_left_parts(left_parts(rerun))
+        report_left_parts(leftover_parts(rerun))
 
 
 def _leave(

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from ssiam.errors import SinkError
 from ssiam.geometry import IDENTITY, Image
-from ssiam.outputs import NamedPath, check_output, left_parts
+from ssiam.outputs import NamedPath, check_output, leftover_parts
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.video import (
@@ -59,7 +59,7 @@ class Destinations:
         for number in count(1):
             name = f"{stem}-tracked" if number == 1 else f"{stem}-tracked-{number}"
             video, results = Path(f"{name}.mp4"), Path(f"{name}.csv")
-            parts = [part for path in (video, results) for part in left_parts(path)]
+            parts = [part for path in (video, results) for part in leftover_parts(path)]
             left += parts
             if overwrite or not (parts or video.exists() or results.exists()):
                 return cls(video, results, None, None, targets, overwrite, tuple(left))
@@ -77,7 +77,7 @@ class Destinations:
     ) -> Destinations:
         """The files that the user named; `SinkError` for results of an unknown kind."""
         chosen = cls(video, results, plot, layout, targets, overwrite)
-        left = [part for _, path in chosen.files() for part in left_parts(path)]
+        left = [part for _, path in chosen.files() for part in leftover_parts(path)]
         return replace(chosen, left=tuple(left))
 
     def files(self) -> list[NamedPath]:
@@ -136,7 +136,7 @@ class Outputs:
                     overwrite=overwrite,
                 )
             if destinations.plot is not None:
-                self._plot = PathPlot(destinations.plot, config.window, overwrite=overwrite)
+                self._plot = PathPlot(destinations.plot, config.paper.window, overwrite=overwrite)
             if destinations.video is not None:
                 self._video = _video_sink(destinations.video, source, overwrite=overwrite)
             stack.pop_all()

@@ -20,7 +20,7 @@ from rich.progress import (
 from rich.progress import Progress as RichProgress
 
 from ssiam.errors import IncompleteError, one_line
-from ssiam.geometry import Transform, frame_centre, rigid_parameters
+from ssiam.geometry import Transform, frame_center, rigid_parameters
 from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 
@@ -109,7 +109,7 @@ class Report:
             steadied = (
                 stab_from_raw @ motion.cur_from_prev @ np.linalg.inv(self._prev_stab_from_raw)
             )
-            centre = frame_centre(motion.size_wh)
+            centre = frame_center(motion.size_wh)
             shifts = motion.shift_angle[:2], rigid_parameters(steadied, centre)[:2]
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, Literal
 
 from cyclopts import App, Parameter
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError, check_choice
-from ssiam.outputs import NamedPath, check_apart
+from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.outputs import NamedPath, check_distinct, output_error
 from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
@@ -184,7 +184,7 @@ def _copied(files: Iterable[Path], folder: Path, name: str | None = None) -> Non
             for staged in sorted(Path(temporary).iterdir(), key=lambda path: path.name == RECORD):
                 staged.replace(folder / staged.name)
     except OSError as error:
-        raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise output_error(folder, error) from error
 
 
 def _check_apart(
@@ -194,6 +194,6 @@ def _check_apart(
     names = (*(f"{piece}.onnx" for piece in _PIECES), RECORD)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
     if pictures is None:
-        check_apart(outputs, inputs)
+        check_distinct(outputs, inputs)
     else:
         check_apart_from_source(outputs, pictures, inputs)

@@ -3,8 +3,9 @@
 from ssiam.datasets.clips import read_clip
 from ssiam.datasets.dataset import Dataset
 from ssiam.datasets.ground_truth import parse_boxes, read_boxes
+from ssiam.datasets.images import read_image
 from ssiam.datasets.registry import KINDS, open_dataset
-from ssiam.datasets.sequence import Sequence, read_image
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.datasets.shake.camera import SHAKE_BORDERS, Shake, ShakeBorder, camera_path
 from ssiam.datasets.shake.paths import SHAKE_KINDS, ShakeKind
 from ssiam.datasets.shake.sequences import ShakenSequence, shaken, shaken_dataset
@@ -16,12 +17,12 @@ __all__ = [
     "SHAKE_KINDS",
     "Dataset",
     "DatasetError",
-    "Sequence",
     "Shake",
     "ShakeBorder",
     "ShakeKind",
     "ShakenSequence",
     "UnknownSequenceError",
+    "VideoSequence",
     "camera_path",
     "open_dataset",
     "parse_boxes",

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, image_folder, images_in
-from ssiam.datasets.ground_truth import located, read_boxes
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import read_boxes, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
 from ssiam.video import open_source
 from ssiam.video.folders import IMAGE_SUFFIXES
@@ -54,7 +54,7 @@ def is_video(path: Path) -> bool:
     return path.suffix.lower() in _VIDEO_SUFFIXES and path.is_file()
 
 
-def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> Sequence:
+def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of a video or folder of images, with boxes for its first or for every frame.
 
     Boxes without area become nan unless `as_published`. A video of which only the first box is
@@ -69,13 +69,13 @@ def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> Sequence
     """
     truth = read_boxes(boxes)
     if truth.shape[1] == 4 and not as_published:
-        truth = located(truth, _ORIGIN)
+        truth = to_zero_based(truth, _ORIGIN)
     if frames.is_dir():
         images = images_in(image_folder(frames))
         check_counts(frames, len(images), len(truth), one_is_enough=True)
-        return Sequence(frames.name, images, truth)
+        return VideoSequence(frames.name, images, truth)
     count = _count(frames) if len(truth) == 1 else len(truth)
-    return Sequence(frames.stem, frames, truth, count=count)
+    return VideoSequence(frames.stem, frames, truth, count=count)
 
 
 def _count(video: Path) -> int:

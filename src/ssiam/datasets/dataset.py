@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError, UnknownSequenceError
 
-Readers: TypeAlias = Mapping[str, Callable[[], Sequence]]
+Readers: TypeAlias = Mapping[str, Callable[[], VideoSequence]]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Options:
     as_published: bool = False
 
 
-class LazySequences(Mapping[str, Sequence]):
+class LazySequences(Mapping[str, VideoSequence]):
     """Sequences by name, read anew at every look-up, so that none stays in memory.
 
     Where one clip has several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
@@ -48,11 +48,11 @@ class LazySequences(Mapping[str, Sequence]):
         self._readers = dict(readers)
         self._spellings = {_spelling(name): name for name in readers}
 
-    def __getitem__(self, name: str) -> Sequence:
+    def __getitem__(self, name: str) -> VideoSequence:
         exact = name if name in self._readers else self._spellings.get(_spelling(name))
         if exact is None:
             raise UnknownSequenceError(self._unknown(name))
-        with told_in_one_line():
+        with dataset_errors():
             return self._readers[exact]()
 
     def __iter__(self) -> Iterator[str]:
@@ -83,20 +83,20 @@ class Dataset:
         Name of its folder or file.
     kind : str
         One of `ssiam.datasets.KINDS`: the layout that it was read by.
-    sequences : mapping of str to Sequence
+    sequences : mapping of str to VideoSequence
         Read when looked up; listing the names reads nothing.
     """
 
     name: str
     kind: str
-    sequences: Mapping[str, Sequence]
+    sequences: Mapping[str, VideoSequence]
 
     def __len__(self) -> int:
         return len(self.sequences)
 
 
 @contextmanager
-def told_in_one_line() -> Iterator[None]:
+def dataset_errors() -> Iterator[None]:
     """Turns what the disk refuses inside of it (no permission, a loop of links) into one line."""
     try:
         yield

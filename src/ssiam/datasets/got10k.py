@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, images_in
-from ssiam.datasets.ground_truth import located, read_flags, read_levels, read_xywh
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import read_flags, read_labels, read_xywh, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 
 EXPECTS = "groundtruth.txt, meta_info.ini and 00000001.jpg in each GOT-10k_... folder"
 SPLITS = ("train", "val", "test")
@@ -38,14 +38,14 @@ def sequences_in(folder: Path, options: Options) -> Readers:
     return {folder.name: partial(read_got10k, folder, options.as_published)}
 
 
-def read_got10k(folder: Path, as_published: bool = False) -> Sequence:
+def read_got10k(folder: Path, as_published: bool = False) -> VideoSequence:
     """One sequence; `DatasetError` if something of it is missing or damaged."""
     frames, boxes = images_in(folder), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes), one_is_enough=True)
-    return Sequence(
+    return VideoSequence(
         folder.name,
         frames,
-        boxes if as_published else located(boxes, _ORIGIN),
+        boxes if as_published else to_zero_based(boxes, _ORIGIN),
         tags=_tags(folder, len(frames)),
     )
 
@@ -55,5 +55,5 @@ def _tags(folder: Path, count: int) -> dict[str, NDArray[np.bool_]]:
     tags = {name: read_flags(path, count) for name, path in paths.items() if path.is_file()}
     cover = folder / "cover.label"
     if cover.is_file():
-        tags["occlusion"] = read_levels(cover, count) < _WHOLLY_VISIBLE
+        tags["occlusion"] = read_labels(cover, count) < _WHOLLY_VISIBLE
     return tags

@@ -42,10 +42,10 @@ def parse_boxes(text: str, source: Path) -> NDArray[np.float64]:
                 shown = line.strip()[:_SHOWN]
                 raise DatasetError(f"{source}: line {number} is {shown!r}, not 4 or 8 numbers")
             rows.append(row)
-    return stacked(rows, source)
+    return stack_rows(rows, source)
 
 
-def stacked(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray[np.float64]:
+def stack_rows(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray[np.float64]:
     """Rows of 4 or 8 numbers as one array; where both occur, boxes become their corners."""
     rows = list(rows)
     if not rows:
@@ -55,7 +55,7 @@ def stacked(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray[np
     return np.array(rows, dtype=np.float64)
 
 
-def located(xywh: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
+def to_zero_based(xywh: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
     """Boxes (N, 4) brought from pixels that count from `origin` to 0-based ones.
 
     Boxes without area, by which OTB, GOT-10k and LaSOT say that the target is not there, are nan.
@@ -90,7 +90,7 @@ _LABEL_SEPARATORS = re.compile(r"[\s,]+")
 _LEVEL = re.compile(r"\d{1,4}")
 
 
-def read_levels(path: Path, count: int, *, may_be_short: bool = False) -> NDArray[np.int64]:
+def read_labels(path: Path, count: int, *, may_be_short: bool = False) -> NDArray[np.int64]:
     """The labels (count,) of a file, parted by lines, commas or spaces.
 
     Parameters
@@ -118,5 +118,5 @@ def read_levels(path: Path, count: int, *, may_be_short: bool = False) -> NDArra
 
 
 def read_flags(path: Path, count: int, *, may_be_short: bool = False) -> NDArray[np.bool_]:
-    """As `read_levels`, (count,) bool: True where the label is not 0."""
-    return read_levels(path, count, may_be_short=may_be_short).astype(np.bool_)
+    """As `read_labels`, (count,) bool: True where the label is not 0."""
+    return read_labels(path, count, may_be_short=may_be_short).astype(np.bool_)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, images_in
-from ssiam.datasets.ground_truth import located, read_flags, read_xywh
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 
 EXPECTS = "groundtruth.txt, full_occlusion.txt and img/ in each CLASS/CLASS-1"
 SPLITS = ("train", "test")
@@ -34,7 +34,7 @@ def sequences_in(folder: Path, options: Options) -> Readers:
     return {folder.name: partial(read_lasot, folder, options.as_published)}
 
 
-def read_lasot(folder: Path, as_published: bool = False) -> Sequence:
+def read_lasot(folder: Path, as_published: bool = False) -> VideoSequence:
     """One sequence, 0-based unless `as_published`.
 
     Raises
@@ -45,10 +45,10 @@ def read_lasot(folder: Path, as_published: bool = False) -> Sequence:
     frames, boxes = images_in(folder / "img"), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes))
     paths = {name: folder / f"{name}.txt" for name in _FLAGS}
-    return Sequence(
+    return VideoSequence(
         folder.name,
         frames,
-        boxes if as_published else located(boxes, _ORIGIN),
+        boxes if as_published else to_zero_based(boxes, _ORIGIN),
         tags={name: read_flags(path, len(boxes)) for name, path in paths.items() if path.is_file()},
     )
 

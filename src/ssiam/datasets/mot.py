@@ -2,7 +2,7 @@
 
 Each line of gt.txt is ``frame, id, x, y, w, h, flag[, class[, visibility]]``; frames and pixels
 count from 1. Every object is a sequence, NAME-ID, from its first to its last visible frame, and
-knows the others (`Sequence.others`).
+knows the others (`VideoSequence.others`).
 
 Objects with the flag 0 are not evaluated in MOTChallenge and are left out. So are classes that do
 not move or are not objects (static person, distractor, occluder, reflection, crowd). Files with ten
@@ -31,8 +31,8 @@ from ssiam.datasets.files import (
     read_text,
     subfolders,
 )
-from ssiam.datasets.ground_truth import located
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
 
 EXPECTS = "gt/gt.txt and img1/ in each clip's folder"
@@ -188,7 +188,7 @@ def read_clip(
     path = folder / _TRUTH
     rows = _rows(path)
     rows = rows[_is_target(rows) & (_visibility(rows) >= least_visible)]
-    xywh = rows[:, 2:6] if as_published else located(rows[:, 2:6], _ORIGIN)
+    xywh = rows[:, 2:6] if as_published else to_zero_based(rows[:, 2:6], _ORIGIN)
     has_area = (rows[:, 4:6] > 0).all(axis=1)
     objects = []
     for number in np.unique(rows[has_area, 1]):
@@ -205,7 +205,7 @@ def read_clip(
     return MotClip(folder, images, tuple(objects), _size_wh(info))
 
 
-def _sequence(clip: MotClip, target: MotObject) -> Sequence:
+def _sequence(clip: MotClip, target: MotObject) -> VideoSequence:
     first, last = target.span
     count = last - first + 1
     truth = target.boxes(first, count)
@@ -214,7 +214,7 @@ def _sequence(clip: MotClip, target: MotObject) -> Sequence:
         for each in clip.objects
         if each is not target and each.span[0] <= last and each.span[1] >= first
     }
-    return Sequence(
+    return VideoSequence(
         clip.name_of(target), clip.paths(first, count), truth, size_wh=clip.size_wh, others=others
     )
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, image_folder, images_in, numbered
-from ssiam.datasets.ground_truth import located, read_xywh
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import read_xywh, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 
 # First and last image of the sequences whose boxes do not go with all images from 0001 on.
 # Tiger1 has boxes from 0001 on, but the benchmark begins at 0006.
@@ -66,7 +66,7 @@ def sequences_in(folder: Path, options: Options) -> Readers:
     return found
 
 
-def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> Sequence:
+def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of one ground truth file, 0-based unless `as_published`.
 
     Images are chosen by their number where the benchmark uses only some of them (David from 0300
@@ -80,10 +80,10 @@ def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> Sequ
     boxes = read_xywh(truth_path)
     frames, boxes = _evaluated(folder, images_in(image_folder(folder)), boxes)
     check_counts(folder, len(frames), len(boxes))
-    return Sequence(
+    return VideoSequence(
         _name(folder, truth_path) or folder.name,
         frames,
-        boxes if as_published else located(boxes, _ORIGIN),
+        boxes if as_published else to_zero_based(boxes, _ORIGIN),
     )
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Readers
 from ssiam.datasets.files import check_counts, inside, read_text
-from ssiam.datasets.ground_truth import stacked
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import stack_rows
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
 
 EXPECTS = "a .json that tells img_names and gt_rect of each sequence"
@@ -62,12 +62,12 @@ def _is_record(record: object) -> bool:
     return isinstance(record, dict) and all(isinstance(record.get(key), list) for key in _NEEDED)
 
 
-def _sequence(path: Path, name: str, record: _Record) -> Sequence:
+def _sequence(path: Path, name: str, record: _Record) -> VideoSequence:
     where = f"{path}: {name}"
     images = _images(path, record)
-    truth = stacked([_row(value, where) for value in record["gt_rect"]], where)
+    truth = stack_rows([_row(value, where) for value in record["gt_rect"]], where)
     check_counts(where, len(images), len(truth))
-    return Sequence(
+    return VideoSequence(
         name, images, truth, tags=_tags(record, len(truth), where), size_wh=_size_wh(record)
     )
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ssiam.datasets import clips, dtb70, got10k, lasot, mot, otb, pysot, uav123, vot
-from ssiam.datasets.dataset import Dataset, LazySequences, Options, Readers, told_in_one_line
+from ssiam.datasets.dataset import Dataset, LazySequences, Options, Readers, dataset_errors
 from ssiam.datasets.files import subfolders
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError, check_choice
 
 # Folders below the dataset's own in which sequences lie: LaSOT/airplane/airplane-1.
@@ -79,7 +79,7 @@ def _in_folders(
     folders: Iterable[Path], kinds: tuple[str, ...], options: Options
 ) -> tuple[set[str], Readers]:
     found: Counter[str] = Counter()
-    readers: dict[str, Callable[[], Sequence]] = {}
+    readers: dict[str, Callable[[], VideoSequence]] = {}
     for folder in folders:
         kind, inner = _first_match(folder, kinds, options)
         # OTB is often kept with copies Jogging-1 and -2 beside Jogging; they are the same.
@@ -150,7 +150,7 @@ def open_dataset(
     if kind is not None:
         check_choice("kind of dataset", kind, KINDS)
     path = Path(path)
-    with told_in_one_line():
+    with dataset_errors():
         found, readers = _found(path, kind, Options(split, as_published))
         name = path.resolve().stem if path.is_file() else path.resolve().name
     return Dataset(name, found, LazySequences(readers))

@@ -1,4 +1,4 @@
-"""`Sequence`: the frames of one clip and where its target truly is."""
+"""`VideoSequence`: the frames of one clip and where its target truly is."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.datasets.images import read_deep
 from ssiam.errors import SourceError
 from ssiam.geometry import XYWH, Image, area_preserving_xywh
 from ssiam.video import open_source
-from ssiam.video.images import UnreadableImage, read_pages
 from ssiam.video.levels import LEVEL_FRAMES, Levels, in_eight_bits, levels_of
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class VideoSequence:
     """One sequence of a dataset, as its reader found it on disk.
 
     Threads: a value; any number of threads may share it.
@@ -80,9 +79,9 @@ class Sequence:
         """Images from index `start` on; deep ones by levels of the sequence's first frames."""
         levels: Levels | None = None
         for path in paths[start:]:
-            image = _as_it_is(path)
+            image = read_deep(path)
             if image.dtype != np.uint8 and levels is None:
-                levels = levels_of(map(_as_it_is, paths[:LEVEL_FRAMES])) or levels_of([image])
+                levels = levels_of(map(read_deep, paths[:LEVEL_FRAMES])) or levels_of([image])
             yield in_eight_bits(image, levels)
 
     def _decoded(self, path: Path, start: int) -> Iterator[Image]:
@@ -115,28 +114,3 @@ class Sequence:
         """Boxes (K, 4) of the other objects that are visible in a frame: x, y, w, h."""
         rows = (boxes[index] for boxes in self.others.values())
         return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 4)
-
-
-def read_image(path: Path, levels: Levels | None = None) -> Image:
-    """An image file as (H, W, 3) uint8 BGR; `SourceError` if it is none.
-
-    Values of more than 8 bits are shown by `levels`, else by those of the image itself.
-    """
-    image = _as_it_is(path)
-    return in_eight_bits(image, levels or levels_of([image]))
-
-
-def image_levels(path: Path) -> Levels | None:
-    """The levels of a sequence that begins with this image; None if it has 8 bits."""
-    return levels_of([_as_it_is(path)])
-
-
-def _as_it_is(path: Path) -> NDArray[Any]:
-    """The (first) image in a file, in its own depth; `SourceError` if there is none."""
-    if not path.exists():
-        raise SourceError(f"{path}: does not exist; get the frames of the dataset")
-    try:
-        _, image = next(read_pages(path))
-    except UnreadableImage:
-        raise SourceError(f"{path}: is not an image that can be read; get it again") from None
-    return image

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ssiam.datasets.clips import read_clip
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import frames_by_number, images_in, named_like, numbered
-from ssiam.datasets.ground_truth import located, read_flags, read_xywh
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
 
 EXPECTS = "anno/UAV123/NAME.txt and data_seq/UAV123/NAME/000001.jpg"
@@ -72,7 +72,7 @@ def _either(folder: Path, part: str) -> Path:
     return folder / part if (folder / part).is_dir() else folder
 
 
-def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> Sequence:
+def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> VideoSequence:
     """One sequence of the whole dataset; of a longer video, the images that have boxes."""
     boxes = read_xywh(truth_path)
     name = truth_path.stem
@@ -86,10 +86,10 @@ def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> Sequ
         )
     images = _video_folder(root, part, video)
     frames = frames_by_number(images, numbered(images_in(images)), first, len(boxes))
-    return Sequence(
+    return VideoSequence(
         name,
         frames,
-        boxes if options.as_published else located(boxes, _ORIGIN),
+        boxes if options.as_published else to_zero_based(boxes, _ORIGIN),
         tags=_tags(truth_path, len(boxes)),
     )
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, image_folder, images_in, inside, read_text
 from ssiam.datasets.ground_truth import read_boxes, read_flags
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
 
 EXPECTS = "groundtruth.txt in each sequence's folder, with the images in it or in its color/"
 
@@ -27,14 +27,14 @@ def sequences_in(folder: Path, options: Options) -> Readers:
     return {folder.name: partial(read_vot, folder)} if is_one else {}
 
 
-def read_vot(folder: Path) -> Sequence:
+def read_vot(folder: Path) -> VideoSequence:
     """One sequence; `DatasetError` if something of it is missing or damaged."""
     settings = _settings(folder / _SETTINGS)
     frames = images_in(_frames_folder(folder, settings))
     truth = read_boxes(inside(folder, settings.get("groundtruth", _TRUTH), folder / _SETTINGS))
     check_counts(folder, len(frames), len(truth))
     tag_files = sorted(path for path in folder.iterdir() if path.suffix in _TAG_SUFFIXES)
-    return Sequence(
+    return VideoSequence(
         folder.name,
         frames,
         truth,

@@ -11,7 +11,7 @@ from typing import Final
 
 from ssiam.evaluation.figures import Figure
 from ssiam.evaluation.tables import Table
-from ssiam.outputs import output_error, replaced
+from ssiam.outputs import atomic_write, output_error
 
 PAGE: Final = "tables.html"
 _TITLE: Final = "Tables and figures of steadied tracking"
@@ -68,7 +68,7 @@ def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> l
     except OSError as error:
         raise output_error(folder, error) from error
     for name, data in files.items():
-        with replaced(folder / name, "wb", hidden=True) as file:
+        with atomic_write(folder / name, "wb", hidden=True) as file:
             file.write(data)
     return [folder / name for name in files]
 

@@ -10,7 +10,7 @@ from xml.sax.saxutils import XMLGenerator
 from ssiam.exchange.annotations import Annotation, Annotations
 from ssiam.exchange.appearances import appearances
 from ssiam.exchange.boxes import full_circle, rounded, turned_box
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 
 def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
@@ -20,7 +20,7 @@ def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool
     said, gets one box with ``outside="1"`` where it was last seen. Rotated boxes are turned about
     their centre, as CVAT has them.
     """
-    with replaced(path, "w", overwrite=overwrite) as file:
+    with atomic_write(path, "w", overwrite=overwrite) as file:
         xml = XMLGenerator(file, encoding="utf-8", short_empty_elements=True)
         xml.startDocument()
         with _element(xml, "annotations"):

@@ -11,7 +11,7 @@ from ssiam.exchange.annotations import Annotation, Annotations
 from ssiam.exchange.appearances import appearances
 from ssiam.exchange.boxes import full_circle, rounded, turned_box
 from ssiam.exchange.timeline import Timeline, timeline
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 _PERCENT_DECIMALS = 6
 _TIME_DECIMALS = 6
@@ -36,7 +36,7 @@ def write_labelstudio(
         if any(row.seen for row in rows)
     ]
     prediction = {"model_version": "ssiam", "result": results}
-    with replaced(path, "w", overwrite=overwrite) as file:
+    with atomic_write(path, "w", overwrite=overwrite) as file:
         json.dump([{"data": {"video": video}, "predictions": [prediction]}], file, allow_nan=False)
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import ArgumentError
 from ssiam.exchange.rerun_stream import RerunStream
 from ssiam.geometry import Image
@@ -22,7 +22,7 @@ _BOXES: Final = "camera/targets"
 _OUTLINES: Final = "camera/outlines"
 
 
-class RerunLog(NotCopied, ClosedAtExit):
+class RerunLog(NotCopyable, ClosedAtExit):
     """Writes an .rrd file, which ``rerun FILE.rrd`` shows; a context manager.
 
     Threads: one thread at a time.

@@ -9,7 +9,7 @@ from threading import Thread
 from typing import Any, Final
 
 from ssiam.errors import MissingExtraError, SinkError
-from ssiam.outputs import Part
+from ssiam.outputs import PartFile
 
 _APPLICATION: Final = "ssiam"
 _PIPES: Final = Path("/dev/fd")
@@ -44,7 +44,7 @@ class RerunStream:
             ) from error
         if path.suffix.lower() != ".rrd":
             raise SinkError(f"{path}: a recording for Rerun is written as .rrd")
-        self._part = Part(path, overwrite=overwrite)
+        self._part = PartFile(path, overwrite=overwrite)
         # In 0.23 several names changed at once.
         self._is_recent = hasattr(self.rr, "Scalars")
         begin = self.rr.RecordingStream if self._is_recent else self.rr.new_recording

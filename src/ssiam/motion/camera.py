@@ -10,9 +10,9 @@ from typing import Any, Final, Literal, Protocol, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssiam.copying import CopiedWhole, NotPickled
+from ssiam.copying import DeepCopied, NotPicklable
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.geometry import Image, check_frame, finite_array, shortened
+from ssiam.geometry import Image, check_frame, finite_array, short_repr
 from ssiam.motion.content import Content
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
@@ -37,7 +37,7 @@ class _Estimator(Protocol):
     def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion: ...
 
 
-class CameraMotion(CopiedWhole):
+class CameraMotion(DeepCopied):
     """Estimates the camera's motion from frame to frame, without delay.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -155,13 +155,13 @@ def _boxes(exclude: Any) -> NDArray[np.float64]:
     boxes = np.empty((0, 4)) if exclude is None else finite_array(exclude)
     if boxes is None or (boxes.size and (boxes.ndim not in (1, 2) or boxes.shape[-1] != 4)):
         raise ArgumentError(
-            f"exclude is {shortened(exclude)}: give (x, y, w, h) in pixels, or several"
+            f"exclude is {short_repr(exclude)}: give (x, y, w, h) in pixels, or several"
         )
     grown: NDArray[np.float64] = boxes.reshape(-1, 4) @ _GROWN
     return grown
 
 
-class MotionAhead(NotPickled):
+class MotionAhead(NotPicklable):
     """A `CameraMotion` that can be set to work on a frame before its motion is asked for.
 
     Threads: one thread at a time for each object, with one more of its own; the frame given to
@@ -182,7 +182,7 @@ class MotionAhead(NotPickled):
     >>> motion = ahead.update(next_frame, exclude=box)
     """
 
-    _instead = "pickle its CameraMotion, or make one where it is needed"
+    _copy_hint = "pickle its CameraMotion, or make one where it is needed"
 
     def __init__(self, camera: CameraMotion) -> None:
         self._camera = camera

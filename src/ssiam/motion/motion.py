@@ -16,9 +16,9 @@ from ssiam.geometry import (
     IDENTITY,
     Transform,
     finite_array,
-    frame_centre,
+    frame_center,
     rigid_parameters,
-    shortened,
+    short_repr,
 )
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; beyond it is a cut
@@ -77,7 +77,7 @@ class Motion:
             matrix = np.vstack([matrix, IDENTITY[2]])
         if matrix is None or matrix.shape != (3, 3) or abs(np.linalg.det(matrix)) < _SINGULAR:
             raise ArgumentError(
-                f"motion is {shortened(cur_from_prev)}: give a (3, 3) or (2, 3) transform of "
+                f"motion is {short_repr(cur_from_prev)}: give a (3, 3) or (2, 3) transform of "
                 "pixels that can be inverted"
             )
         return cls(matrix / matrix[2, 2] if matrix[2, 2] else matrix, 1.0, True, size_wh)
@@ -117,12 +117,12 @@ class Motion:
             or not np.allclose(rotation @ rotation.T, IDENTITY, atol=1e-3)
         ):
             raise ArgumentError(
-                f"rotation is {shortened(cur_from_prev_rotation)}: give a (3, 3) rotation matrix "
+                f"rotation is {short_repr(cur_from_prev_rotation)}: give a (3, 3) rotation matrix "
                 "or a rotation vector of three radians"
             )
         if not isinstance(focal_length, Real) or not 0 < focal_length < math.inf:
             raise ArgumentError(f"focal_length is {focal_length}: give pixels, more than 0")
-        x, y = frame_centre(size_wh) if principal_xy is None else principal_xy
+        x, y = frame_center(size_wh) if principal_xy is None else principal_xy
         camera = np.array([[focal_length, 0, x], [0, focal_length, y], [0, 0, 1]])
         return cls.given(camera @ rotation @ np.linalg.inv(camera), size_wh)
 
@@ -140,7 +140,7 @@ class Motion:
     @property
     def shift_angle(self) -> tuple[float, float, float]:
         """(dx, dy, da) of eq. 4, taken at the image centre: pixels, pixels, radians."""
-        return rigid_parameters(self.cur_from_prev, frame_centre(self.size_wh))
+        return rigid_parameters(self.cur_from_prev, frame_center(self.size_wh))
 
 
 def known_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:
@@ -153,7 +153,7 @@ def known_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:
     if motion.size_wh != size_wh:
         width, height = size_wh
         raise ArgumentError(
-            f"motion is of frames of {shortened(motion.size_wh)} pixels: "
+            f"motion is of frames of {short_repr(motion.size_wh)} pixels: "
             f"give one of {width}x{height} pixels, the frame's own size"
         )
     Motion.given(motion.cur_from_prev, size_wh)

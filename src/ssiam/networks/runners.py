@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.copying import SharedByCopies
+from ssiam.copying import SharedOnCopy
 from ssiam.errors import ArgumentError
 from ssiam.networks.catalogue import NetworkName
 from ssiam.networks.checkpoints import Checkpoint
@@ -26,7 +26,7 @@ TorchPrecision: TypeAlias = Literal["f32", "bf16", "f16"]
 _DTYPES: Final = {"f32": torch.float32, "bf16": torch.bfloat16, "f16": torch.float16}
 
 
-class GraphRunner(SharedByCopies):
+class GraphRunner(SharedOnCopy):
     """A piece of a network, without gradients.
 
     Threads: may be called from any number at once; the network keeps nothing between calls.
@@ -42,7 +42,7 @@ class GraphRunner(SharedByCopies):
         Of the weights; arrays that go in and come out are float32 whatever it is.
     """
 
-    _instead = "load it in each process"
+    _copy_hint = "load it in each process"
 
     def __init__(
         self,

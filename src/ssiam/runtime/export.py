@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.errors import ArgumentError, WeightsError
+from ssiam.outputs import output_error
 from ssiam.runtime.calibration import calibration_feeds, quantise
 from ssiam.runtime.exported import OPSET, Exported, put
 from ssiam.runtime.files import sha256
@@ -80,7 +81,7 @@ def export_network(
             record.write(Path(temporary))
             put(Path(temporary), folder, [f"{piece}.onnx" for piece in pieces])
     except OSError as error:
-        raise SinkError(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise output_error(folder, error) from error
     return record
 
 

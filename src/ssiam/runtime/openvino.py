@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ssiam.copying import SharedByCopies
+from ssiam.copying import SharedOnCopy
 from ssiam.runtime.files import cache_folder, check_onnx, damaged, misshapen, not_quantised
 from ssiam.runtime.network import Precision, Tensor
 
@@ -28,7 +28,7 @@ _LOG = logging.getLogger(__name__)
 _WORTH_CACHING: Final = 8_000_000  # bytes of an .onnx file; smaller ones compile in no time
 
 
-class OpenVinoNetwork(SharedByCopies):
+class OpenVinoNetwork(SharedOnCopy):
     """An ONNX file compiled for this CPU.
 
     Threads: may be called from any number at once; each call has an inference request to itself.
@@ -55,7 +55,7 @@ class OpenVinoNetwork(SharedByCopies):
         The file is missing, is no ONNX file, is damaged, or is not in int8.
     """
 
-    _instead = "load it in each process"
+    _copy_hint = "load it in each process"
 
     def __init__(
         self,

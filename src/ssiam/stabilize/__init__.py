@@ -1,7 +1,7 @@
 """From the camera's motion to a steadied view of each frame."""
 
-from ssiam.stabilize.config import METHODS, Method, StabilizerConfig
-from ssiam.stabilize.prediction import Prediction
+from ssiam.stabilize.config import METHODS, Method, PaperConfig, PredictConfig, StabilizerConfig
+from ssiam.stabilize.predictor import TargetPredictor
 from ssiam.stabilize.stabilizer import CameraPath, Stabilizer
 from ssiam.stabilize.view import FrameView
 
@@ -10,7 +10,9 @@ __all__ = [
     "CameraPath",
     "FrameView",
     "Method",
-    "Prediction",
+    "PaperConfig",
+    "PredictConfig",
     "Stabilizer",
     "StabilizerConfig",
+    "TargetPredictor",
 ]

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
-from ssiam.geometry import IDENTITY, Transform, frame_centre, rigid, shortened
+from ssiam.geometry import IDENTITY, Transform, frame_center, rigid, short_repr
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
 
 
-class CameraPath(CopiedWhole):
+class CameraPath(DeepCopied):
     """The poses of the last `window` frames, the current one included.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -33,7 +33,7 @@ class CameraPath(CopiedWhole):
         prev_from_cur = np.linalg.inv(motion.cur_from_prev)
         past_from_cur = self._past_from_cur @ prev_from_cur
         self._past_from_cur = np.concatenate([past_from_cur, np.eye(3)[None]])[-self._window :]
-        self._centre = (*frame_centre(motion.size_wh), 1.0)
+        self._centre = (*frame_center(motion.size_wh), 1.0)
 
     @property
     def started(self) -> bool:
@@ -53,7 +53,7 @@ class CameraPath(CopiedWhole):
         return mean_x - self._centre[0], mean_y - self._centre[1], angle
 
 
-class Stabilizer(CopiedWhole):
+class Stabilizer(DeepCopied):
     """Turns camera motions into ``stab_from_raw``, one frame at a time, without delay.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -65,9 +65,9 @@ class Stabilizer(CopiedWhole):
 
     def __init__(self, config: StabilizerConfig) -> None:
         if not isinstance(config, StabilizerConfig):
-            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+            raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         self._config = config
-        self._path = CameraPath(config.window)
+        self._path = CameraPath(config.paper.window)
         self._shift = (0.0, 0.0)  # dx', dy' of the previous frame
         self._stab_from_raw: Transform = IDENTITY
 
@@ -84,12 +84,12 @@ class Stabilizer(CopiedWhole):
             It is no `Motion`.
         """
         if not isinstance(motion, Motion):
-            raise ArgumentError(f"motion is {shortened(motion)}: give a Motion")
+            raise ArgumentError(f"motion is {short_repr(motion)}: give a Motion")
         if self._config.stabilize == "off" or not motion.reliable:
             return self._stab_from_raw
         self._path.advance(motion)
         dx, dy, angle = self._limited(self._wanted(motion), motion.size_wh)
-        self._stab_from_raw = rigid(dx, dy, angle, frame_centre(motion.size_wh))
+        self._stab_from_raw = rigid(dx, dy, angle, frame_center(motion.size_wh))
         return self._stab_from_raw
 
     def _wanted(self, motion: Motion) -> tuple[float, float, float]:
@@ -104,7 +104,7 @@ class Stabilizer(CopiedWhole):
         self, new_trans: tuple[float, float, float], size_wh: tuple[int, int]
     ) -> tuple[float, float, float]:
         """The limits of eq. 6, with the signs that its print has lost."""
-        n, c = self._config.border, self._config
+        n, c = self._config.border, self._config.paper
         if _largest_move(new_trans, size_wh) < c.gate:
             new_trans = (0.0, 0.0, 0.0)
         dx, dy, angle = new_trans

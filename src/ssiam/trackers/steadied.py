@@ -8,9 +8,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
-from ssiam.copying import NotPickled
+from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, CopyError
-from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
+from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr
 from ssiam.motion import CameraMotion, Motion, MotionAhead
 from ssiam.motion.motion import known_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
@@ -26,7 +26,7 @@ from ssiam.trackers.watch import Watch
 _FLAT: Final = 0.1
 
 
-class SteadiedTracker(NotPickled):
+class SteadiedTracker(NotPicklable):
     """A tracker that works on the steadied view of each frame and answers in raw pixels.
 
     Threads: one thread at a time for each object; several, also of one load, may run at once. The
@@ -43,11 +43,11 @@ class SteadiedTracker(NotPickled):
     config : StabilizerConfig
     """
 
-    _instead = "load one in each process with ssiam.load_tracker"
+    _copy_hint = "load one in each process with ssiam.load_tracker"
 
     def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
         if not isinstance(config, StabilizerConfig):
-            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+            raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         self._tracker = tracker
         self._config = config
         self._box: XYWH | None = None
@@ -111,7 +111,7 @@ class SteadiedTracker(NotPickled):
             The frame's size is not that of the first one.
         """
         if not isinstance(config, StabilizerConfig):
-            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+            raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         check_frame(frame, None if self._box is None else self._size_wh)
         if self._box is None:
             self._config = config

@@ -12,7 +12,7 @@ import torch
 
 from ssiam.errors import ArgumentError, WeightsError
 from ssiam.networks.checkpoints import read_content
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 from ssiam.training.config import from_table
 from ssiam.training.settings import TrainSettings
 
@@ -67,7 +67,7 @@ def write_file(path: Path, content: Any) -> None:
     # PyTorch turns the error of a full disk into one that does not name it.
     data = BytesIO()
     torch.save(content, data)
-    with replaced(path, "wb", hidden=True) as file:
+    with atomic_write(path, "wb", hidden=True) as file:
         file.write(data.getbuffer())
 
 

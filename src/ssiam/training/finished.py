@@ -13,7 +13,7 @@ from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
-from ssiam.outputs import NamedPath, check_apart, output_error
+from ssiam.outputs import NamedPath, check_distinct, output_error
 from ssiam.runtime.exported import OPSET, RECORD, Exported, put
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import CHECKPOINT, read_state, write_file
@@ -53,7 +53,7 @@ def check_run_outputs(
     """
     names = (CHECKPOINT, METRICS, WEIGHTS, *(f"{piece}.onnx" for piece in _PIECES), RECORD)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
-    check_apart(outputs, [*inputs, *_inputs(settings)])
+    check_distinct(outputs, [*inputs, *_inputs(settings)])
 
 
 def _inputs(settings: TrainSettings) -> Iterable[NamedPath]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from ssiam.datasets import KINDS, DatasetError, open_dataset
-from ssiam.datasets.dataset import told_in_one_line
+from ssiam.datasets.dataset import dataset_errors
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.training.coco import read_coco
 from ssiam.training.davis import read_davis
@@ -122,7 +122,7 @@ def open_training_source(settings: SourceSettings, root: Path | None = None) -> 
     DatasetError
         It is not there, is damaged, or nothing of it is taken.
     """
-    with told_in_one_line():
+    with dataset_errors():
         source = _opened(settings, root or Path())
     if not len(source):
         raise DatasetError(f"{settings.path}: nothing of it is taken; check only and without")

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssiam.datasets import Dataset, DatasetError
-from ssiam.datasets import Sequence as Frames
+from ssiam.datasets import Dataset, DatasetError, VideoSequence
 from ssiam.geometry import XYWH
 from ssiam.training.clips import Clip
 from ssiam.training.sources import Names
@@ -58,7 +57,7 @@ class SequenceSource:
         return ()
 
 
-def clip_of(sequence: Frames) -> Clip:
+def clip_of(sequence: VideoSequence) -> Clip:
     """The track of a sequence; where there is no box, or a tag tells so, its target is hidden.
 
     Raises
@@ -72,7 +71,7 @@ def clip_of(sequence: Frames) -> Clip:
     return Clip(sequence.frames[0].parent.resolve(), sequence.frames, boxes)
 
 
-def _box(sequence: Frames, t: int) -> XYWH | None:
+def _box(sequence: VideoSequence, t: int) -> XYWH | None:
     if t >= len(sequence.truth) or not np.isfinite(sequence.truth[t]).all():
         return None
     hidden = any(sequence.tags[tag][t] for tag in _HIDDEN if tag in sequence.tags)

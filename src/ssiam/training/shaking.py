@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets import ShakeKind
-from ssiam.datasets.shake.paths import path_of
+from ssiam.datasets.shake.paths import sample_path
 from ssiam.geometry import Image, Transform
 
 # How often each is drawn.
@@ -60,7 +60,7 @@ def draw_shake(
     kind: ShakeKind = kinds[rng.choice(len(kinds), p=chances)]
     strength = float(np.exp(rng.uniform(*np.log(_STRENGTHS))))
     exposure = rng.uniform(*_EXPOSURES)
-    path = path_of(kind, strength, int(rng.integers(1 << 31)), 2, size_wh, "")
+    path = sample_path(kind, strength, int(rng.integers(1 << 31)), 2, size_wh, "")
     open_for = exposure * ((np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5)
     places = path.at(open_for + np.array([[0.0], [1.0]])) @ np.array([*point_xy, 1.0])
     before, now = places[..., :2]

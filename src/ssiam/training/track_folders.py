@@ -25,7 +25,7 @@ import numpy as np
 
 from ssiam.datasets import DatasetError
 from ssiam.datasets.files import check_counts, images_in, read_text
-from ssiam.datasets.ground_truth import located, read_flags, read_xywh
+from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
 from ssiam.geometry import XYWH
 from ssiam.training.clips import Clip
 from ssiam.training.folders import files_below
@@ -216,7 +216,7 @@ def _video(folder: Path, meta: dict[str, Any]) -> str:
 
 def _cut(folder: Path, meta: dict[str, Any]) -> _Cut:
     path, paths = folder / _META, images_in(folder)
-    xywh = located(read_xywh(folder / _TRUTH), 0)
+    xywh = to_zero_based(read_xywh(folder / _TRUTH), 0)
     frames, windows = (_list(meta, key, len(paths), path) for key in ("frames", _WINDOWS))
     if not all(isinstance(frame, int) for frame in frames):
         raise DatasetError(f"{path}: its frames are not whole numbers")

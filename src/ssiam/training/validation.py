@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import torch
 
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.box_mask import BoxMaskNetwork
@@ -86,7 +86,7 @@ def mask_overlap(network: BoxMaskNetwork, settings: ValidationSettings) -> float
     return float(np.mean(found))
 
 
-def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
+def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[VideoSequence]:
     """The sequences of the datasets, of those that the patterns take."""
     for each in held_out:
         dataset = open_dataset(each.path, each.kind, split=each.split)
@@ -96,7 +96,7 @@ def held_out_sequences(held_out: tuple[HeldOut, ...]) -> Iterator[Sequence]:
 
 
 def _tracked(
-    tracker: LiteTracker | Lite2Tracker, sequence: Sequence, count: int
+    tracker: LiteTracker | Lite2Tracker, sequence: VideoSequence, count: int
 ) -> list[tuple[float, ...]]:
     """The boxes of a sequence's first frames."""
     frames = islice(sequence.images(), count)

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
-from ssiam.outputs import ClosedAtExit, Part, check_output
+from ssiam.outputs import ClosedAtExit, PartFile, check_output
 from ssiam.track import Track
 from ssiam.video.layouts import LAYOUTS, Layout, Row
 
@@ -74,7 +74,7 @@ def _layout_name(path: Path, layout: str | None) -> str:
     return layout
 
 
-class ResultSink(NotCopied, ClosedAtExit):
+class ResultSink(NotCopyable, ClosedAtExit):
     """Writes tracks as lines; a context manager. Made by `open_results`.
 
     Threads: one thread at a time.
@@ -93,7 +93,7 @@ class ResultSink(NotCopied, ClosedAtExit):
         self._targets = targets
         self._is_first = True
         self._is_empty = True
-        self._files = [_LineFile(Part(path, overwrite=overwrite)) for path in paths]
+        self._files = [_LineFile(PartFile(path, overwrite=overwrite)) for path in paths]
         if layout.header is not None:
             self._files[0].write_line(layout.header)
 
@@ -144,7 +144,7 @@ class ResultSink(NotCopied, ClosedAtExit):
 class _LineFile:
     """A file without buffer, so that a line is in it or is not."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: PartFile) -> None:
         self._part = part
         self._failed = False
         try:

@@ -17,10 +17,10 @@ from av.container import OutputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
-from ssiam.outputs import ClosedAtExit, Part
+from ssiam.outputs import ClosedAtExit, PartFile
 from ssiam.video.clock import Clock, as_rate
 from ssiam.video.sound import Sound, SoundCopy
 
@@ -56,7 +56,7 @@ _AVI_LONGEST = 60
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
 
-class VideoSink(NotCopied, ClosedAtExit):
+class VideoSink(NotCopyable, ClosedAtExit):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
 
     Threads: one thread at a time.
@@ -125,7 +125,7 @@ class VideoSink(NotCopied, ClosedAtExit):
         parts = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
         self._clock = Clock(self._rate, only_whole_frames=self._is_constant, parts=parts)
         self._last: tuple[int, Image] | None = None
-        self._part = Part(self.path, overwrite=overwrite)
+        self._part = PartFile(self.path, overwrite=overwrite)
         self._container = _create(self._part.file, muxer)
         self._stream: VideoStream | None = None
         self._is_empty = True

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from ssiam.errors import SinkError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
+from ssiam.outputs import output_error
 
 try:
     import fcntl
@@ -111,7 +112,7 @@ class RecordingFolder:
         except OSError as error:
             with suppress(OSError):
                 draft.unlink()
-            raise SinkError(f"{path}: cannot be written ({error.strerror or error})") from error
+            raise output_error(path, error) from error
 
     def read_facts(self) -> Facts | None:
         """The facts on disk; None where there are none that can be used."""

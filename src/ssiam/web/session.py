@@ -11,7 +11,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Literal
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
@@ -34,7 +34,7 @@ _WAIT: Final = 0.02  # seconds for a frame, before commands are looked at again
 _CLOSING: Final = 5.0  # seconds that `close` waits for a frame or a command under way
 
 
-class Session(NotCopied):
+class Session(NotCopyable):
     """Tracks on a thread of its own; everybody else asks and listens. A context manager.
 
     Threads: its methods may be called from any; what they ask for is done in the one that tracks.

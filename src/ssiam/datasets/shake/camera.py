@@ -15,7 +15,7 @@ from ssiam.datasets.shake.paths import (
     Floats,
     ShakeKind,
     deviations,
-    path_of,
+    sample_path,
 )
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, Points, Transform
@@ -113,7 +113,7 @@ def camera_path(shake: Shake, count: int, size_wh: tuple[int, int], name: str = 
 
 def shaking_camera(shake: Shake, count: int, size_wh: tuple[int, int], name: str) -> ShakingCamera:
     """The camera whose poses `camera_path` tells."""
-    path = path_of(shake.kind, shake.strength, shake.seed, count, size_wh, name)
+    path = sample_path(shake.kind, shake.strength, shake.seed, count, size_wh, name)
     if shake.border == "crop":
         path = _cropped(path, shake, size_wh)
     (width, height), (left, top) = size_wh, path.corner_xy
@@ -130,7 +130,7 @@ def _cropped(path: CameraPath, shake: Shake, size_wh: tuple[int, int]) -> Camera
     """The path within its reach, and the window that stays inside of the raw picture on it."""
     limits = _REACH * shake.strength * deviations(shake.kind, size_wh[0])
     dx, dy, angle, log_zoom = limits.tolist()
-    x, y = path.centre_xy
+    x, y = path.center_xy
     small = -math.expm1(-log_zoom)
     corner_xy = math.ceil(x * small + dx + angle * y), math.ceil(y * small + dy + angle * x)
     return replace(path, limits=limits, corner_xy=corner_xy)

@@ -10,7 +10,7 @@ from typing import Final, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssiam.geometry import Transform, frame_centre
+from ssiam.geometry import Transform, frame_center
 
 ShakeKind: TypeAlias = Literal["white", "handheld", "vibration", "gusts", "roll", "zoom"]
 SHAKE_KINDS: Final[tuple[ShakeKind, ...]] = get_args(ShakeKind)
@@ -48,7 +48,7 @@ class CameraPath:
     states : (N + 6, 4) float64
         dx, dy in pixels of the raw frame, angle in radians, log zoom, at whole frames; three more
         before the first frame and after the last one.
-    centre_xy : (float, float)
+    center_xy : (float, float)
         What the camera rolls and zooms about, raw-frame pixels.
     limits : (4,) float64
         How far each state may go at most; infinite without a limit.
@@ -57,7 +57,7 @@ class CameraPath:
     """
 
     states: Floats
-    centre_xy: tuple[float, float]
+    center_xy: tuple[float, float]
     limits: Floats
     corner_xy: tuple[int, int] = (0, 0)
 
@@ -75,7 +75,7 @@ class CameraPath:
 
     def _transforms(self, states: Floats) -> Transform:
         dx, dy, angle, log_zoom = np.moveaxis(states, -1, 0)
-        (cx, cy), (left, top) = self.centre_xy, self.corner_xy
+        (cx, cy), (left, top) = self.center_xy, self.corner_xy
         cos, sin = np.exp(log_zoom) * np.cos(angle), np.exp(log_zoom) * np.sin(angle)
         shaken_from_raw = np.zeros((*dx.shape, 3, 3))
         shaken_from_raw[..., 0, 0] = shaken_from_raw[..., 1, 1] = cos
@@ -86,7 +86,7 @@ class CameraPath:
         return shaken_from_raw
 
 
-def path_of(
+def sample_path(
     kind: ShakeKind, strength: float, seed: int, count: int, size_wh: tuple[int, int], name: str
 ) -> CameraPath:
     """The path over `count` frames of (width, height) pixels; without limits."""
@@ -94,7 +94,7 @@ def path_of(
     rng = np.random.default_rng(words)
     series = _SERIES[kind](count + 2 * _AROUND, rng)
     states = strength * deviations(kind, size_wh[0]) * series
-    return CameraPath(states, frame_centre(size_wh), np.full(4, np.inf))
+    return CameraPath(states, frame_center(size_wh), np.full(4, np.inf))
 
 
 def deviations(kind: ShakeKind, width: int) -> Floats:

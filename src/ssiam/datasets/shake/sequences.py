@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Dataset, LazySequences
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.datasets.shake.camera import Shake, ShakingCamera, shaking_camera
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ShakenSequence(Sequence):
+class ShakenSequence(VideoSequence):
     """A sequence as a shaking camera sees it: `frames` are the raw ones, `images` the shaken.
 
     Threads: a value; any number of threads may share it.
@@ -26,7 +26,7 @@ class ShakenSequence(Sequence):
     ----------
     truth : (N, 4) or (N, 8) float64
         Where the target is in the shaken pictures; nan too where it has left them.
-    raw : Sequence
+    raw : VideoSequence
         With the size of its frames.
     shake : Shake
     camera : ShakingCamera
@@ -35,7 +35,7 @@ class ShakenSequence(Sequence):
         of the picture if its rows are read in turn.
     """
 
-    raw: Sequence
+    raw: VideoSequence
     shake: Shake
     camera: ShakingCamera
     shaken_from_raw: Transform
@@ -46,7 +46,7 @@ class ShakenSequence(Sequence):
         Raises
         ------
         SourceError, StreamError
-            As `Sequence.images`.
+            As `VideoSequence.images`.
         FrameSizeError
             A frame has another size than the first one, or than the dataset tells.
         """
@@ -63,7 +63,7 @@ class ShakenSequence(Sequence):
             yield self.camera.picture(image, index)
 
 
-def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
+def shaken(sequence: VideoSequence, shake: Shake) -> ShakenSequence:
     """The sequence as a camera would have seen it that shakes like this beside its own motion.
 
     Reads the first image if the sequence does not tell the size of its frames. A strength of 0
@@ -97,20 +97,20 @@ def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
 def shaken_dataset(dataset: Dataset, shake: Shake) -> Dataset:
     """The dataset with every sequence `shaken` when it is looked up."""
 
-    def read(name: str) -> Sequence:
+    def read(name: str) -> VideoSequence:
         return shaken(dataset.sequences[name], shake)
 
     readers = {name: partial(read, name) for name in dataset.sequences}
     return replace(dataset, sequences=LazySequences(readers))
 
 
-def _first_size(sequence: Sequence) -> tuple[int, int]:
+def _first_size(sequence: VideoSequence) -> tuple[int, int]:
     for image in sequence.images():
         return image.shape[1], image.shape[0]
     raise SourceError(f"sequence {sequence.name}: has no frames")
 
 
-def _seen_others(sequence: Sequence, camera: ShakingCamera) -> dict[str, NDArray[np.float64]]:
+def _seen_others(sequence: VideoSequence, camera: ShakingCamera) -> dict[str, NDArray[np.float64]]:
     return {name: _seen(boxes, camera) for name, boxes in sequence.others.items()}
 
 

@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.geometry import IDENTITY, XYWH, Transform, map_point, rigid
 from ssiam.motion import Motion
-from ssiam.stabilize.config import StabilizerConfig
+from ssiam.stabilize.config import PredictConfig
 
 Point = NDArray[np.float64]
 
@@ -46,20 +46,20 @@ class Hypothesis(IntEnum):
 _TURNING: Final = (Hypothesis.FIXED, Hypothesis.MOVING_IN_SCENE)
 
 
-class Prediction(CopiedWhole):
+class TargetPredictor(DeepCopied):
     """Chooses ``stab_from_raw`` by where the target will be, one frame at a time.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
-    config : StabilizerConfig
+    config : PredictConfig
         `choose`, `speed`, `turn`, `trust`, `memory`, `smoothing` and `margin` of it.
     xywh : (x, y, w, h)
         The target in the first frame, raw-frame pixels.
     """
 
-    def __init__(self, config: StabilizerConfig, xywh: XYWH) -> None:
+    def __init__(self, config: PredictConfig, xywh: XYWH) -> None:
         self._config = config
         self.stab_from_raw: Transform = IDENTITY
         # Running means, target sizes. At first the camera is believed: a shake can lose the target
@@ -131,7 +131,7 @@ class Prediction(CopiedWhole):
         return x - w / 2, y - h / 2, w, h
 
     @property
-    def travelled(self) -> tuple[float, float]:
+    def traveled(self) -> tuple[float, float]:
         """How far the target went in the scene since it was seen, if it kept its speed; pixels."""
         x, y = (self._speeds[1] * (self._elapsed - 1)).tolist()
         return x, y
