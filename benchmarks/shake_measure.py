@@ -112,7 +112,7 @@ def true_motions(out: Path, plain: VideoSequence, shaken_from_raw: np.ndarray) -
     raw_from_prev_shaken = raw[1:] @ np.linalg.inv(shaken_from_raw[:-1])
     height, width = next(plain.images()).shape[:2]
     return [
-        Motion.given(cur_from_prev, (width, height))
+        Motion.from_transform(cur_from_prev, (width, height))
         for cur_from_prev in (np.eye(3), *(shaken_from_raw[1:] @ raw_from_prev_shaken))
     ]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from ssiam.motion import KEYPOINTS, MotionAhead
+from ssiam.motion import KEYPOINTS, PrefetchingCameraMotion
 from ssiam.video import VideoSink, open_results, open_source
 
 ROOMS = "motion stabilize runtime networks trackers video exchange datasets training web"
@@ -91,7 +91,9 @@ def test_camera_motion_and_its_copy_go_on_by_themselves(frames, copied, keypoint
 
 @pytest.mark.parametrize("copied", [*COPIES, pickled])
 def test_a_stabilizer_and_its_copy_go_on_by_themselves(copied):
-    motions = [ssiam.Motion.given([[1, 0, 4.0 * k], [0, 1, -2]], (320, 180)) for k in range(6)]
+    motions = [
+        ssiam.Motion.from_transform([[1, 0, 4.0 * k], [0, 1, -2]], (320, 180)) for k in range(6)
+    ]
     stabilizer = ssiam.Stabilizer(ssiam.StabilizerConfig("paper"))
     for motion in motions[:3]:
         stabilizer.update(motion)
@@ -151,7 +153,7 @@ def test_copies_of_networks_are_the_networks(runtime):
 
 @pytest.mark.parametrize("copied", COPIES)
 def test_a_camera_that_works_ahead(frames, copied):
-    camera = MotionAhead(ssiam.CameraMotion())
+    camera = PrefetchingCameraMotion(ssiam.CameraMotion())
     camera.update(frames[0])
     camera.start(frames[1])
     twin = copied(camera)

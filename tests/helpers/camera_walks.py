@@ -31,7 +31,7 @@ def in_raw(frame_from_world, boxes):
 
 def motions(frame_from_world):
     pairs = zip(frame_from_world[1:], frame_from_world[:-1], strict=True)
-    return [Motion.given(cur @ np.linalg.inv(prev), SIZE) for cur, prev in pairs]
+    return [Motion.from_transform(cur @ np.linalg.inv(prev), SIZE) for cur, prev in pairs]
 
 
 def predicted(prediction, frame_from_world, raw_boxes, score=1.0):

@@ -6,7 +6,7 @@ import pytest
 from helpers.synthetic import generator, poses, seen, world
 from ssiam import CameraMotion, FrameSizeError
 from ssiam.geometry import rigid
-from ssiam.motion import MotionAhead
+from ssiam.motion import PrefetchingCameraMotion
 
 SIZE = (320, 240)
 BOX = (100.0, 80.0, 40.0, 40.0)
@@ -19,7 +19,7 @@ def shaken(count=8):
 
 
 def ahead(keypoints="direct"):
-    return MotionAhead(CameraMotion(keypoints))
+    return PrefetchingCameraMotion(CameraMotion(keypoints))
 
 
 @pytest.mark.parametrize("keypoints", ["direct", "orb"])
@@ -81,7 +81,7 @@ class SlowCamera(CameraMotion):
 def test_after_a_refusal_two_frames_are_not_worked_on_at_once():
     first, second, third, *_ = shaken()
     slow = SlowCamera()
-    camera = MotionAhead(slow)
+    camera = PrefetchingCameraMotion(slow)
     camera.update(first)
     camera.start(second)
     with pytest.raises(ValueError, match="announced"):

@@ -128,5 +128,5 @@ def test_a_motion_from_outside_takes_the_place_of_the_estimate():
     np.testing.assert_allclose(told.cur_from_prev, rigid(7, 8, 0.1))
     motion = camera.update(frames[2])  # estimated again, from the frame in between
     assert corner_error(motion.cur_from_prev, truths[2]) < 0.5
-    same = Motion.given(np.eye(3), SIZE)
+    same = Motion.from_transform(np.eye(3), SIZE)
     assert camera.update(frames[3], motion=same) is same

@@ -12,7 +12,7 @@ import pytest
 import ssiam
 from helpers.synthetic import generator, world
 from ssiam.geometry import map_points, rigid
-from ssiam.motion.content import Content
+from ssiam.motion.content import ContentDetector
 from ssiam.video import open_source
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
@@ -174,7 +174,7 @@ def test_bars_that_come_and_go_are_noticed():
 
 
 def test_a_scene_without_bars_is_not_cut():
-    content = Content((640, 360))
+    content = ContentDetector((640, 360))
     assert not any(content.update(frame) for frame in demo()[0])
     assert tuple(content.area) == (0, 0, 640, 360)
 
@@ -183,7 +183,7 @@ def test_a_flat_sky_gives_its_place_back_and_costs_few_changes():
     """A pan up and down over a skyline under a burnt-out sky."""
     scene = world(3, (960, 540))
     scene[:200] = 255
-    content = Content((640, 360))
+    content = ContentDetector((640, 360))
     changes = 0
     for t in range(120):
         y = 100 + round(60 * np.sin(t / 5))

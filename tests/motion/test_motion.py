@@ -9,7 +9,7 @@ SIZE = (640, 360)
 
 
 def test_a_given_motion_is_taken_as_it_is():
-    motion = Motion.given(rigid(3, -2, 0.1)[:2], SIZE)
+    motion = Motion.from_transform(rigid(3, -2, 0.1)[:2], SIZE)
     np.testing.assert_array_equal(motion.cur_from_prev, rigid(3, -2, 0.1))
     assert motion.reliable
 
@@ -19,7 +19,7 @@ def test_a_given_motion_is_taken_as_it_is():
 )
 def test_what_is_no_transform_is_refused(matrix):
     with pytest.raises(ValueError, match=r"motion is .*transform of pixels"):
-        Motion.given(matrix, SIZE)
+        Motion.from_transform(matrix, SIZE)
 
 
 def test_a_pan_to_the_right_moves_the_picture_to_the_left():

@@ -121,7 +121,7 @@ def test_frames_whose_motion_is_not_known_tell_nothing():
     for _ in range(200):  # here "where it was" is as good as the camera's motion
         assert prediction.update(Motion.none(SIZE)) == pytest.approx(boxes[-1], abs=1e-6)
         prediction.observe(boxes[-1], 1.0)
-    motion = Motion.given(rigid(12, -9, 0.01), SIZE)
+    motion = Motion.from_transform(rigid(12, -9, 0.01), SIZE)
     fixed = map_box(motion.cur_from_prev, boxes[-1])
     assert prediction.update(motion) == pytest.approx(fixed, abs=0.1)
 
@@ -129,7 +129,7 @@ def test_frames_whose_motion_is_not_known_tell_nothing():
 def test_after_a_move_nothing_is_known_of_the_speed():
     prediction = TargetPredictor(replace(CONFIG, choose=False), BOX)
     predicted(prediction, [np.eye(3)] * 30, walking(STEP, 30))
-    motion = Motion.given(rigid(4, 3, 0.0), SIZE)
+    motion = Motion.from_transform(rigid(4, 3, 0.0), SIZE)
     prediction.move_to((100.0, 100.0, 30.0, 30.0))
     assert prediction.update(motion) == pytest.approx((104, 103, 30, 30))
 

@@ -109,7 +109,7 @@ def test_a_motion_that_is_told_is_used(frames, stabilize):
         Faithful(), ssiam.StabilizerConfig(stabilize).with_options(choose=False, gate=0)
     )
     tracker.init(frames[0], BOXES[0])
-    motions = [Motion.given(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
+    motions = [Motion.from_transform(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
     tracks = [tracker.update(frames[0].copy(), motion=motion) for motion in motions]
     for track, motion in zip(tracks, motions, strict=True):
         assert track.motion is motion

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, FrameSizeError
 from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr, xywh_floats
-from ssiam.motion import Motion, MotionAhead
+from ssiam.motion import Motion, PrefetchingCameraMotion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.steadied import SteadiedTracker
@@ -56,7 +56,7 @@ class TrackerGroup(NotPicklable):
         self._trackers: list[SteadiedTracker] = []
         self._boxes: Sequence[Sequence[float]] = []
         self._size_wh: tuple[int, int] | None = None
-        self._camera: MotionAhead | None = None
+        self._camera: PrefetchingCameraMotion | None = None
         self.motion: Motion | None = None
         self.failures: Mapping[int, Exception] = {}
         self.camera_failure: Exception | None = None
