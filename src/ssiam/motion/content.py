@@ -151,7 +151,7 @@ class ContentDetector:
         before, self._small = self._small, gray
         if float(gray.std()) < MAX_BLANK_DEVIATION:
             return None
-        flat = [_flat_depth(_from(gray, side)) if plain[side] else 0 for side in range(4)]
+        flat = [_flat_depth(_from_side(gray, side)) if plain[side] else 0 for side in range(4)]
         height, width = gray.shape
         if width - flat[0] - flat[2] < _MIN_CONTENT or height - flat[1] - flat[3] < _MIN_CONTENT:
             return None
@@ -160,7 +160,7 @@ class ContentDetector:
             others = self._patterned(before, gray)
         seen = []
         for side, bar in enumerate(self._bars):
-            lines = _from(frame, side)
+            lines = _from_side(frame, side)
             if flat[side]:
                 seen.append(_Depth(_flat_edge(lines, flat[side], self._scale), flat[side]))
             elif others[side] and abs(others[side] - bar.small) <= 1:
@@ -175,7 +175,7 @@ class ContentDetector:
         """Depths of blurred bars, px of the small frame."""
         depths, sure = [], []
         for side, bar in enumerate(self._bars):
-            depth, straight = _blurred_depth(_from(gray, side))
+            depth, straight = _blurred_depth(_from_side(gray, side))
             known = bar.small > 0 and depth >= bar.small - 1
             depths.append(bar.small if known else depth)
             sure.append(known or straight)
@@ -243,7 +243,7 @@ def _outline(size_wh: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def _outermost(frame: Image, side: int) -> _Gray:
     """Means over bins of 8 pixels of the outermost line of a side, green channel."""
-    line = _from(frame, side)[:, 0, 1]
+    line = _from_side(frame, side)[:, 0, 1]
     if len(line) < 3 * _BIN:
         return line.astype(np.int16)
     means = line[: len(line) // _BIN * _BIN].reshape(-1, _BIN).mean(axis=1)
@@ -258,7 +258,7 @@ def _is_smooth(line: _Gray) -> bool:
     return len(line) > 2 and bool(np.abs(np.diff(line, 2)).max() <= _MAX_BEND)
 
 
-def _from(frame: NDArray[Any], side: int) -> NDArray[Any]:
+def _from_side(frame: NDArray[Any], side: int) -> NDArray[Any]:
     """A view in which the lines along a side are columns, counted from that side.
 
     Sides are 0 left, 1 top, 2 right, 3 bottom.
@@ -322,13 +322,13 @@ def _unchanged_depths(changed: NDArray[np.bool_]) -> list[int] | None:
         return None
     depths = []
     for side in range(4):
-        lines = _from(changed, side).mean(axis=0) > _STRAY
+        lines = _from_side(changed, side).mean(axis=0) > _STRAY
         depths.append(int(lines.argmax()))
     left, top, right, bottom = depths
     inside = changed[top : len(changed) - bottom, left : changed.shape[1] - right]
     for side in range(4):
         opposite = depths[(side + 2) % 4]
-        edge = _from(inside, side)[:, : 2 * _EVEN].mean()
+        edge = _from_side(inside, side)[:, : 2 * _EVEN].mean()
         if depths[side] < _MIN_BLURRED:
             depths[side] = 0
         elif abs(depths[side] - opposite) > _EVEN or edge < _CHANGING:
@@ -338,5 +338,5 @@ def _unchanged_depths(changed: NDArray[np.bool_]) -> list[int] | None:
 
 def _are_static(changed: NDArray[np.bool_], depths: list[int]) -> bool:
     """Whether almost nothing changed (H, W) in bars of these depths, without their edges."""
-    lines = [_from(changed, side)[:, : max(d - _EDGE, 0)] for side, d in enumerate(depths)]
+    lines = [_from_side(changed, side)[:, : max(d - _EDGE, 0)] for side, d in enumerate(depths)]
     return all(bar.size == 0 or float(bar.mean()) <= _STRAY for bar in lines)

@@ -1,4 +1,4 @@
-"""From the camera's motion to a steadied view of each frame."""
+"""From the camera motion to a stabilized view of each frame."""
 
 from ssiam.stabilize.config import METHODS, Method, PaperConfig, PredictConfig, StabilizerConfig
 from ssiam.stabilize.predictor import TargetPredictor

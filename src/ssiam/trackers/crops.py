@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import Image
 from ssiam.stabilize import FrameView
-from ssiam.stabilize.view import Colour
+from ssiam.stabilize.view import Color
 
-Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Colour], Image]
+Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Color], Image]
 
 
 def pysot_crop(
-    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Colour
+    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Color
 ) -> Image:
     """Crop of STVIR/pysot: corners rounded half up; `FrameView.crop` itself.
 
@@ -34,7 +34,7 @@ def pysot_crop(
     side, out : int
         Side of the square in steadied pixels, and of the result.
     fill : (3,) float64
-        Colour (BGR) of what lies outside of the frame; its fractions are cut off.
+        Color (BGR) of what lies outside of the frame; its fractions are cut off.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def pysot_crop(
 
 
 def siammask_crop(
-    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Colour
+    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Color
 ) -> Image:
     """Crop of foolwood/SiamMask: as `pysot_crop`, but with corners rounded half to even."""
     left, top = (round(c - (side + 1) / 2) for c in center_xy)
@@ -52,7 +52,7 @@ def siammask_crop(
 
 
 def siamfc_crop(
-    view: FrameView, center_xy: NDArray[np.float32], side: float, out: int, fill: Colour
+    view: FrameView, center_xy: NDArray[np.float32], side: float, out: int, fill: Color
 ) -> Image:
     """Crop of huanglianghua/siamfc-pytorch, in RGB: side, corners and colour all rounded to even.
 

@@ -15,7 +15,7 @@ from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
-from ssiam.stabilize.view import Colour
+from ssiam.stabilize.view import Color
 from ssiam.track import Track
 from ssiam.trackers.anchors import ANCHORS, anchor_boxes, cell_of, decode, response_side
 from ssiam.trackers.crops import Crop, pysot_crop, siammask_crop
@@ -130,7 +130,7 @@ class AnchorSearch:
     def start(self, view: FrameView, xywh: XYWH) -> TargetState:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state = self._state(xywh)
-        fill: Colour = view.raw.mean(axis=(0, 1))
+        fill: Color = view.raw.mean(axis=(0, 1))
         crop = self._crop(view, state.center_xy, round(state.context_side), EXEMPLAR, fill)
         self._kernels, self._fill = self._networks.template(crop_tensor(crop)), fill
         return state
