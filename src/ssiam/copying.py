@@ -1,4 +1,4 @@
-"""What copies and pickles of objects with a state are: a state of their own, or a refusal."""
+"""Base classes that define how stateful objects are copied and pickled, or refuse it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Self_ = TypeVar("Self_")
 
 
 class DeepCopied:
-    """Of objects that change as they are used: `copy.copy` is `copy.deepcopy`.
+    """For objects that change as they are used: `copy.copy` makes a deep copy.
 
-    A shallow copy would go on with the other's state, half of it.
+    A shallow copy would share a part of the state with the original.
     """
 
     def __copy__(self: Self_) -> Self_:
@@ -21,7 +21,7 @@ class DeepCopied:
 
 
 class NotPicklable(DeepCopied):
-    """Of objects that can be copied, by `copy`, but not be sent elsewhere.
+    """For objects that can be copied by `copy`, but not pickled.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class NotPicklable(DeepCopied):
 
 
 class SharedOnCopy(NotPicklable):
-    """Of objects without a state: a copy is the object itself."""
+    """For objects without state: a copy is the object itself."""
 
     def __copy__(self: Self_) -> Self_:
         return self
@@ -53,7 +53,7 @@ class SharedOnCopy(NotPicklable):
 
 
 class NotCopyable:
-    """Of objects that hold what exists once, such as an open file: neither copied nor pickled."""
+    """For objects that hold a unique resource, such as an open file."""
 
     _copy_hint = "open another one"
 

@@ -14,7 +14,7 @@ from ssiam.errors import ArgumentError
 from ssiam.exchange.rerun_stream import RerunStream
 from ssiam.geometry import Image
 from ssiam.motion import Motion
-from ssiam.outputs import ClosedAtExit
+from ssiam.outputs import ClosedOnExit
 from ssiam.track import Track
 
 _IMAGE: Final = "camera/image"
@@ -22,7 +22,7 @@ _BOXES: Final = "camera/targets"
 _OUTLINES: Final = "camera/outlines"
 
 
-class RerunLog(NotCopyable, ClosedAtExit):
+class RerunLog(NotCopyable, ClosedOnExit):
     """Writes an .rrd file, which ``rerun FILE.rrd`` shows; a context manager.
 
     Threads: one thread at a time.

@@ -13,7 +13,7 @@ from ssiam.copying import NotCopyable
 from ssiam.errors import MissingExtraError, SinkError
 from ssiam.geometry import frame_center, rigid_parameters
 from ssiam.motion import Motion
-from ssiam.outputs import ClosedAtExit, atomic_write, check_output
+from ssiam.outputs import ClosedOnExit, atomic_write, check_output
 from ssiam.stabilize import CameraPath
 from ssiam.track import Track
 
@@ -25,7 +25,7 @@ _AXES = (
 )
 
 
-class PathPlot(NotCopyable, ClosedAtExit):
+class PathPlot(NotCopyable, ClosedOnExit):
     """Collects the camera's motion while tracking, and draws it when closed.
 
     Threads: one thread at a time.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
-from ssiam.outputs import ClosedAtExit, PartFile, check_output
+from ssiam.outputs import ClosedOnExit, PartFile, check_output
 from ssiam.track import Track
 from ssiam.video.layouts import LAYOUTS, Layout, Row
 
@@ -74,7 +74,7 @@ def _layout_name(path: Path, layout: str | None) -> str:
     return layout
 
 
-class ResultSink(NotCopyable, ClosedAtExit):
+class ResultSink(NotCopyable, ClosedOnExit):
     """Writes tracks as lines; a context manager. Made by `open_results`.
 
     Threads: one thread at a time.

@@ -20,7 +20,7 @@ from av.video.stream import VideoStream
 from ssiam.copying import NotCopyable
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
-from ssiam.outputs import ClosedAtExit, PartFile
+from ssiam.outputs import ClosedOnExit, PartFile
 from ssiam.video.clock import Clock, as_rate
 from ssiam.video.sound import Sound, SoundCopy
 
@@ -56,7 +56,7 @@ _AVI_LONGEST = 60
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
 
 
-class VideoSink(NotCopyable, ClosedAtExit):
+class VideoSink(NotCopyable, ClosedOnExit):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
 
     Threads: one thread at a time.
