@@ -16,7 +16,7 @@ from shake_report import TRUE_MOTION
 from shake_run import NO_SHAKE, Run
 from shared_data import sequences
 from ssiam.datasets import Shake, VideoSequence, shaken
-from ssiam.datasets.shake.paths import SHAKE_KINDS
+from ssiam.datasets.shake.path import SHAKE_KINDS
 from ssiam.evaluation.lines import write_lines
 from ssiam.evaluation.overlap import vot_overlap
 from ssiam.evaluation.protocols import run

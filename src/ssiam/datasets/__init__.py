@@ -1,4 +1,4 @@
-"""Datasets of tracking as they lie on disk: frames, where the target truly is, and tags."""
+"""Readers for tracking datasets in their published folder layouts: frames, ground truth, tags."""
 
 from ssiam.datasets.clips import read_clip
 from ssiam.datasets.dataset import Dataset
@@ -7,8 +7,8 @@ from ssiam.datasets.images import read_image
 from ssiam.datasets.registry import KINDS, open_dataset
 from ssiam.datasets.sequence import VideoSequence
 from ssiam.datasets.shake.camera import SHAKE_BORDERS, Shake, ShakeBorder, camera_path
-from ssiam.datasets.shake.paths import SHAKE_KINDS, ShakeKind
-from ssiam.datasets.shake.sequences import ShakenSequence, shaken, shaken_dataset
+from ssiam.datasets.shake.path import SHAKE_KINDS, ShakeKind
+from ssiam.datasets.shake.sequence import ShakenSequence, shaken, shaken_dataset
 from ssiam.errors import DatasetError, UnknownSequenceError
 
 __all__ = [

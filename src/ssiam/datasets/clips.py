@@ -1,8 +1,8 @@
-"""Clips of one's own: a video, or a folder of images, and a box file.
+"""User clips: a video or a folder of images, with a box file.
 
-The box file lies beside the video or folder under its name (walk.mp4, walk.txt), or is the only
-.txt among the images. It tells 0-based x, y, width, height of the first frame or of every frame,
-or the eight numbers of a polygon.
+The box file is beside the video or folder, with the same name (walk.mp4, walk.txt), or is the only
+.txt file among the images. It has 0-based x, y, width, height, or the eight numbers of a polygon,
+for the first frame or for every frame.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ EXPECTS = "images with one .txt of boxes, or videos with a .txt of the same name
 
 _VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mpg", ".mpeg", ".ts")
 _BOX_SUFFIX = ".txt"
-# Other texts that lie beside images.
-_NO_BOXES = ("list", "readme", "license")
+# Other text files beside images.
+_NOT_BOXES = ("list", "readme", "license")
 _ORIGIN = 0
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The clip that `folder` is, and those of the videos in it that have boxes."""
+    """The videos in `folder` that have boxes; if there are none, the folder's images as a clip."""
     videos = (path for path in sorted(folder.iterdir()) if is_video(path))
     found = {
         path.stem: partial(read_clip, path, beside, options.as_published)
@@ -42,7 +42,7 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 
 
 def sequence_of_video(path: Path, options: Options) -> Readers:
-    """The clip of a single video; `DatasetError` if no box file lies beside it."""
+    """The clip of a single video; `DatasetError` if there is no box file beside it."""
     boxes = path.with_suffix(_BOX_SUFFIX)
     if not boxes.is_file():
         raise DatasetError(f"{path}: has no box file; write x,y,width,height into {boxes.name}")
@@ -50,20 +50,20 @@ def sequence_of_video(path: Path, options: Options) -> Readers:
 
 
 def is_video(path: Path) -> bool:
-    """Whether a path has the name of a video file and is a file."""
+    """Whether a path is a file with the suffix of a video."""
     return path.suffix.lower() in _VIDEO_SUFFIXES and path.is_file()
 
 
 def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of a video or folder of images, with boxes for its first or for every frame.
 
-    Boxes without area become nan unless `as_published`. A video of which only the first box is
-    told is decoded once, to count its frames.
+    Boxes without area become nan unless `as_published`. A video with a single box is decoded once,
+    to count its frames.
 
     Raises
     ------
     DatasetError
-        The boxes are missing or damaged, or are not one, or one for every image.
+        The boxes are missing or damaged, or there is neither one box nor one for every image.
     SourceError
         The video cannot be read.
     """
@@ -84,12 +84,12 @@ def _count(video: Path) -> int:
 
 
 def _own_boxes(folder: Path) -> Path | None:
-    """The box file of a folder of images: beside it under its name, or the only one in it."""
+    """The box file of a folder of images: beside it with its name, or the only one in it."""
     if not any(path.suffix.lower() in IMAGE_SUFFIXES for path in image_folder(folder).iterdir()):
         return None
     beside = folder.parent / f"{folder.name}{_BOX_SUFFIX}"
     if beside.is_file():
         return beside
     texts = (path for path in folder.glob(f"*{_BOX_SUFFIX}") if path.is_file())
-    inner = [path for path in texts if path.stem.lower() not in _NO_BOXES]
+    inner = [path for path in texts if path.stem.lower() not in _NOT_BOXES]
     return inner[0] if len(inner) == 1 else None

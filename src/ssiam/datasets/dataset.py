@@ -1,4 +1,4 @@
-"""`Dataset`: sequences by their names, each read from disk when it is asked for."""
+"""`Dataset`: sequences by name, each read from disk when it is looked up."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Readers: TypeAlias = Mapping[str, Callable[[], VideoSequence]]
 
 @dataclass(frozen=True)
 class Options:
-    """What of a dataset is read, and how.
+    """Options of `open_dataset`.
 
     Attributes
     ----------
     split : str or None
-        Part of the dataset ("test", "otb50", "uav20l"); None takes what lies there.
+        Part of the dataset ("test", "otb50", "uav20l"); None for all sequences in the folder.
     as_published : bool
-        Leave boxes as they stand in the file, 1-based ones and those without area too.
+        Return boxes as in the file, including 1-based ones and those without area.
     """
 
     split: str | None = None
@@ -32,24 +32,24 @@ class Options:
 
 
 class LazySequences(Mapping[str, VideoSequence]):
-    """Sequences by name, read anew at every look-up, so that none stays in memory.
+    """Sequences by name, read at every lookup, so that none stays in memory.
 
-    Where one clip has several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
+    For clips with several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
 
     Raises
     ------
     UnknownSequenceError
-        No sequence has that name; also a `KeyError`.
+        There is no sequence of that name; also a `KeyError`.
     DatasetError
         Its files are missing or damaged.
     """
 
     def __init__(self, readers: Readers) -> None:
         self._readers = dict(readers)
-        self._spellings = {_spelling(name): name for name in readers}
+        self._by_spelling = {_spelling(name): name for name in readers}
 
     def __getitem__(self, name: str) -> VideoSequence:
-        exact = name if name in self._readers else self._spellings.get(_spelling(name))
+        exact = name if name in self._readers else self._by_spelling.get(_spelling(name))
         if exact is None:
             raise UnknownSequenceError(self._unknown(name))
         with dataset_errors():
@@ -63,7 +63,7 @@ class LazySequences(Mapping[str, VideoSequence]):
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (
-            name in self._readers or _spelling(name) in self._spellings
+            name in self._readers or _spelling(name) in self._by_spelling
         )
 
     def _unknown(self, name: str) -> str:
@@ -80,11 +80,11 @@ class Dataset:
     Attributes
     ----------
     name : str
-        Name of its folder or file.
+        Name of the folder or file.
     kind : str
-        One of `ssiam.datasets.KINDS`: the layout that it was read by.
+        One of `ssiam.datasets.KINDS`: the layout.
     sequences : mapping of str to VideoSequence
-        Read when looked up; listing the names reads nothing.
+        Each is read when it is looked up; listing the names reads nothing.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Dataset:
 
 @contextmanager
 def dataset_errors() -> Iterator[None]:
-    """Turns what the disk refuses inside of it (no permission, a loop of links) into one line."""
+    """Turn an `OSError` (no permission, a loop of links) into a `DatasetError` of one line."""
     try:
         yield
     except OSError as error:

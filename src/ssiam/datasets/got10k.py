@@ -1,7 +1,7 @@
-"""GOT-10k: train/, val/ and test/, in each list.txt and folders of 00000001.jpg and labels.
+"""GOT-10k: train/, val/ and test/, each with list.txt and folders of 00000001.jpg and labels.
 
-Its authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers take
-them as they stand: so does this reader. Of the test sequences only the first box is told.
+The authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers use
+them unchanged, as this reader does. Test sequences only have their first box.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _TRUTH = "groundtruth.txt"
 _MARKS = ("meta_info.ini", "absence.label", "cover.label")
 _NAME = "GOT-10k_"
 _FLAGS = ("absence", "cut_by_image")
-# Steps of cover.label, from hidden (0) to wholly visible (8).
-_WHOLLY_VISIBLE = 8
+# Steps of cover.label, from hidden (0) to fully visible (8).
+_FULLY_VISIBLE = 8
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout and of the wanted split."""
+    """The sequence in `folder`, if it has this layout and is in the requested split."""
     if not (folder / _TRUTH).is_file() or options.split not in (None, folder.resolve().parent.name):
         return {}
     if not folder.name.startswith(_NAME) and not any((folder / mark).is_file() for mark in _MARKS):
@@ -39,7 +39,7 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 
 
 def read_got10k(folder: Path, as_published: bool = False) -> VideoSequence:
-    """One sequence; `DatasetError` if something of it is missing or damaged."""
+    """One sequence; `DatasetError` if a file is missing or damaged."""
     frames, boxes = images_in(folder), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes), one_is_enough=True)
     return VideoSequence(
@@ -55,5 +55,5 @@ def _tags(folder: Path, count: int) -> dict[str, NDArray[np.bool_]]:
     tags = {name: read_flags(path, count) for name, path in paths.items() if path.is_file()}
     cover = folder / "cover.label"
     if cover.is_file():
-        tags["occlusion"] = read_labels(cover, count) < _WHOLLY_VISIBLE
+        tags["occlusion"] = read_labels(cover, count) < _FULLY_VISIBLE
     return tags

@@ -1,7 +1,7 @@
 """LaSOT: CLASS/CLASS-1/img/00000001.jpg, groundtruth.txt, full_occlusion.txt, out_of_view.txt.
 
-Boxes in the files are 1-based, as their author confirms; where the target is not to be seen they
-have no area.
+Boxes in the files are 1-based, as their author confirms; boxes of an invisible target have no
+area.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _FLAGS = ("full_occlusion", "out_of_view")
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout and of the wanted split."""
-    is_one = (
+    """The sequence in `folder`, if it has this layout and is in the requested split."""
+    is_sequence = (
         (folder / _TRUTH).is_file()
         and (folder / "img").is_dir()
         and any((folder / f"{name}.txt").is_file() for name in _FLAGS)
     )
-    if not is_one or options.split not in (None, _split(folder.name)):
+    if not is_sequence or options.split not in (None, _split(folder.name)):
         return {}
     return {folder.name: partial(read_lasot, folder, options.as_published)}
 
@@ -40,7 +40,7 @@ def read_lasot(folder: Path, as_published: bool = False) -> VideoSequence:
     Raises
     ------
     DatasetError
-        Something is missing or damaged.
+        A file is missing or damaged.
     """
     frames, boxes = images_in(folder / "img"), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes))
@@ -59,7 +59,7 @@ def _split(name: str) -> str:
     return "test" if is_test else "train"
 
 
-# Class: numbers of its sequences ("airplane-1", ...).
+# The 280 test sequences by class and number ("airplane-1", ...); the other 1120 are for training.
 TEST: dict[str, tuple[int, ...]] = {
     "airplane": (1, 9, 13, 15),
     "basketball": (1, 6, 7, 11),

@@ -1,7 +1,7 @@
 """OTB50 and OTB100: NAME/img/0001.jpg and NAME/groundtruth_rect.txt.
 
-Boxes in the files are 1-based. A folder may hold two targets (groundtruth_rect.1.txt and .2.txt),
-which are sequences of their own, NAME-1 and NAME-2.
+Boxes in the files are 1-based. A folder may have two targets (groundtruth_rect.1.txt and .2.txt),
+which are separate sequences, NAME-1 and NAME-2.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ssiam.datasets.files import check_counts, image_folder, images_in, numbered
 from ssiam.datasets.ground_truth import read_xywh, to_zero_based
 from ssiam.datasets.sequence import VideoSequence
 
-# First and last image of the sequences whose boxes do not go with all images from 0001 on.
-# Tiger1 has boxes from 0001 on, but the benchmark begins at 0006.
+# First and last image of the sequences whose boxes do not cover all images from 0001 on, from the
+# benchmark's web page. Tiger1 has boxes from 0001 on, but the benchmark starts at 0006.
 RANGES: dict[str, tuple[int, int]] = {
     "BlurCar1": (247, 988),
     "BlurCar3": (3, 359),
@@ -49,15 +49,15 @@ EXPECTS = "groundtruth_rect.txt and img/ in each sequence's folder"
 SPLITS = ("otb50", "otb100")
 
 _ORIGIN = 1
-# Bytes: a line break, which is all that Human4's first file holds.
-_NO_BOXES = 2
+# Bytes: a line break, the only content of Human4's first file.
+_EMPTY_FILE = 2
 _TRUTH = re.compile(r"groundtruth_rect(?:\.?(\d))?\.txt")
-# Folders that were copied for one of their two targets: Jogging-1, Jogging.2.
+# Copies of a folder for one of its two targets: Jogging-1, Jogging.2.
 _ONE_OF_TWO = re.compile(r"(.+)[-._](\d)")
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequences that `folder` holds, one for each of its ground truth files."""
+    """The sequences in `folder`, one for each of its ground truth files."""
     found = {}
     for path in sorted(folder.glob("groundtruth_rect*.txt")):
         name = _name(folder, path)
@@ -69,13 +69,13 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of one ground truth file, 0-based unless `as_published`.
 
-    Images are chosen by their number where the benchmark uses only some of them (David from 0300
-    on). Else there must be a box for every image.
+    If the benchmark uses only a part of the images (David from 0300 on), that part is selected by
+    number. Otherwise there must be a box for every image.
 
     Raises
     ------
     DatasetError
-        Something is missing or damaged, or there are more boxes or images than there should be.
+        A file is missing or damaged, or the numbers of boxes and images differ.
     """
     boxes = read_xywh(truth_path)
     frames, boxes = _evaluated(folder, images_in(image_folder(folder)), boxes)
@@ -88,9 +88,9 @@ def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> Vide
 
 
 def _name(folder: Path, truth_path: Path) -> str | None:
-    """Name of the sequence; None if the file has no boxes, or not those of this copy."""
+    """Name of the sequence; None if the file has no boxes or is for another copy of the folder."""
     form = _TRUTH.fullmatch(truth_path.name)
-    if form is None or truth_path.stat().st_size <= _NO_BOXES:
+    if form is None or truth_path.stat().st_size <= _EMPTY_FILE:
         return None
     if form[1] is None:
         return folder.name
@@ -103,7 +103,7 @@ def _name(folder: Path, truth_path: Path) -> str | None:
 def _evaluated(
     folder: Path, images: tuple[Path, ...], boxes: NDArray[np.float64]
 ) -> tuple[tuple[Path, ...], NDArray[np.float64]]:
-    """Images and boxes of the frames that the benchmark uses; all, if those are not all here."""
+    """Images and boxes of the frames that the benchmark uses; all if some of those are missing."""
     if folder.name not in RANGES:
         return images, boxes
     first, last = RANGES[folder.name]

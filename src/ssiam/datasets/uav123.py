@@ -1,7 +1,7 @@
-"""UAV123 (30 and 10 frames a second) and UAV20L.
+"""UAV123 (30 and 10 frames per second) and UAV20L.
 
 data_seq/UAV123/VIDEO/000001.jpg and anno/UAV123/NAME.txt, where several sequences may be parts of
-one video; or one sequence alone, NAME.txt among its images. Boxes may be nan.
+one video; or a single sequence with NAME.txt among its images. Boxes may be nan.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from ssiam.errors import DatasetError
 EXPECTS = "anno/UAV123/NAME.txt and data_seq/UAV123/NAME/000001.jpg"
 SPLITS = ("uav123", "uav20l", "uav123_10fps")
 
-# Its authors do not say from where pixels count; all toolkits leave the boxes as they stand.
+# The authors do not state the origin of the pixel coordinates; toolkits do not change the boxes.
 _ORIGIN = 0
 _FOLDERS = {"uav123": "UAV123", "uav20l": "UAV20L", "uav123_10fps": "UAV123_10fps"}
 _TEN_FPS = "UAV123_10fps"
-# Of three images one, the first included, is left at 10 frames a second.
+# At 10 frames per second every third image is used, from the first on.
 _TEN_FPS_STEP = 3
 _NAME_DIGITS = 6
 # In the order of the files anno/UAV123/att/NAME.txt.
@@ -47,10 +47,10 @@ _ATTRIBUTES = (
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequences of the whole dataset in `folder`, or the one that it is."""
+    """The sequences of the whole dataset in `folder`, or the single sequence that it is."""
     if (folder / "anno").is_dir() and (folder / "data_seq").is_dir():
         part = _part(folder, options.split)
-        truths = sorted(_either(folder / "anno", part).glob("*.txt"))
+        truths = sorted(_version_folder(folder / "anno", part).glob("*.txt"))
         return {path.stem: partial(_of_video, folder, part, path, options) for path in truths}
     own = named_like(folder)
     if own is None or not any(folder.glob("[0-9]" * _NAME_DIGITS + ".*")):
@@ -59,30 +59,30 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 
 
 def _part(folder: Path, split: str | None) -> str:
-    """The folder name of the wanted version, or of the first one that is here."""
+    """The folder name of the requested version, else of the first one that exists."""
     if split is not None:
         return _FOLDERS[split]
-    here = (name for name in _FOLDERS.values() if (folder / "anno" / name).is_dir())
+    found = (name for name in _FOLDERS.values() if (folder / "anno" / name).is_dir())
     fallback = _TEN_FPS if "10fps" in folder.name else "UAV123"
-    return next(here, fallback)
+    return next(found, fallback)
 
 
-def _either(folder: Path, part: str) -> Path:
-    """The folder of a version; where one was got alone, its files lie right in `folder`."""
+def _version_folder(folder: Path, part: str) -> Path:
+    """The folder of a version; a version downloaded alone is in `folder` itself."""
     return folder / part if (folder / part).is_dir() else folder
 
 
 def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> VideoSequence:
-    """One sequence of the whole dataset; of a longer video, the images that have boxes."""
+    """One sequence of the whole dataset: the images of the video that have boxes."""
     boxes = read_xywh(truth_path)
     name = truth_path.stem
-    # UAV20L has the whole videos, under the names of their folders.
+    # UAV20L has whole videos, with the names of their folders.
     video, first, last = PARTS.get(name, (name, 1, len(boxes)))
     if name in PARTS and part == _TEN_FPS:
         first, last = ((number - 1) // _TEN_FPS_STEP + 1 for number in (first, last))
     if len(boxes) != last - first + 1:
         raise DatasetError(
-            f"{truth_path}: holds {len(boxes)} boxes, but {name} goes from image {first} to {last}"
+            f"{truth_path}: has {len(boxes)} boxes, but {name} goes from image {first} to {last}"
         )
     images = _video_folder(root, part, video)
     frames = frames_by_number(images, numbered(images_in(images)), first, len(boxes))
@@ -97,8 +97,8 @@ def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> Vide
 def _video_folder(root: Path, part: str, video: str) -> Path:
     # UAV20L uses the images of UAV123.
     data = root / "data_seq"
-    places = (data / part / video, data / "UAV123" / video, data / video)
-    return next((path for path in places if path.is_dir()), places[0])
+    folders = (data / part / video, data / "UAV123" / video, data / video)
+    return next((path for path in folders if path.is_dir()), folders[0])
 
 
 def _tags(truth_path: Path, count: int) -> dict[str, NDArray[np.bool_]]:
@@ -111,8 +111,9 @@ def _tags(truth_path: Path, count: int) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-# Sequence: folder of the video, first and last image at 30 frames a second. All others have a
-# folder of their own and begin at image 1.
+# The sequences that are parts of a video, from the dataset's configuration file: folder of the
+# video, first and last image at 30 frames per second. All others have a separate folder and begin
+# at image 1.
 PARTS: dict[str, tuple[str, int, int]] = {
     "bird1_1": ("bird1", 1, 253),
     "bird1_2": ("bird1", 775, 1477),

@@ -1,7 +1,7 @@
-"""VOT2013 to VOT2019, as the challenge's own toolkits keep them.
+"""VOT2013 to VOT2019, in the layouts of the challenge's toolkits.
 
-Both forms are read: the classic one (groundtruth.txt beside 00000001.jpg) and the newer one (a file
-`sequence` of key=value lines, the images in color/). Boxes are left as they stand: 0-based.
+Both layouts are read: the classic one (groundtruth.txt beside 00000001.jpg) and the newer one (a
+file `sequence` of key=value lines, the images in color/). Boxes are not changed: 0-based.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _TAG_SUFFIXES = (".tag", ".label")
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout."""
-    is_one = (folder / _TRUTH).is_file() or (folder / _SETTINGS).is_file()
-    return {folder.name: partial(read_vot, folder)} if is_one else {}
+    """The sequence in `folder`, if it has this layout."""
+    is_sequence = (folder / _TRUTH).is_file() or (folder / _SETTINGS).is_file()
+    return {folder.name: partial(read_vot, folder)} if is_sequence else {}
 
 
 def read_vot(folder: Path) -> VideoSequence:
-    """One sequence; `DatasetError` if something of it is missing or damaged."""
+    """One sequence; `DatasetError` if a file is missing or damaged."""
     settings = _settings(folder / _SETTINGS)
     frames = images_in(_frames_folder(folder, settings))
     truth = read_boxes(inside(folder, settings.get("groundtruth", _TRUTH), folder / _SETTINGS))
@@ -51,17 +51,17 @@ def _settings(path: Path) -> dict[str, str]:
 
 
 def _frames_folder(folder: Path, settings: dict[str, str]) -> Path:
-    """Where the default channel lies; its pattern (color/%08d.jpg) only tells the folder."""
+    """The folder of the default channel, taken from its file pattern (color/%08d.jpg)."""
     channel = settings.get("channel.default", "color")
     pattern = settings.get(f"channels.{channel}")
     if pattern is None:
         return image_folder(folder)
-    told = inside(folder, pattern, folder / _SETTINGS)
-    return told.parent if "%" in told.name else told
+    path = inside(folder, pattern, folder / _SETTINGS)
+    return path.parent if "%" in path.name else path
 
 
 def _size_wh(settings: dict[str, str]) -> tuple[int, int] | None:
-    told = [settings.get(key, "") for key in ("width", "height")]
-    if not all(value.isascii() and value.isdigit() and len(value) < 7 for value in told):
+    values = [settings.get(key, "") for key in ("width", "height")]
+    if not all(value.isascii() and value.isdigit() and len(value) < 7 for value in values):
         return None
-    return int(told[0]), int(told[1])
+    return int(values[0]), int(values[1])

@@ -1,6 +1,6 @@
 """Shake augmentation: the jump and the blur that a shaking camera makes of one frame.
 
-The paths are those of `ssiam.datasets.shake.paths`, by which trackers are tested too: hand-held,
+The paths are those of `ssiam.datasets.shake.path`, by which trackers are tested too: hand-held,
 vibrating, in gusts, white. Between two frames the path moves the target in the picture, and while
 the shutter is open it smears it along the path.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets import ShakeKind
-from ssiam.datasets.shake.paths import sample_path
+from ssiam.datasets.shake.path import sample_path
 from ssiam.geometry import Image, Transform
 
 # How often each is drawn.

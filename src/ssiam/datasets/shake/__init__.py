@@ -7,8 +7,8 @@ from ssiam.datasets.shake.camera import (
     ShakingCamera,
     camera_path,
 )
-from ssiam.datasets.shake.paths import SHAKE_KINDS, ShakeKind
-from ssiam.datasets.shake.sequences import ShakenSequence, shaken, shaken_dataset
+from ssiam.datasets.shake.path import SHAKE_KINDS, ShakeKind
+from ssiam.datasets.shake.sequence import ShakenSequence, shaken, shaken_dataset
 
 __all__ = [
     "SHAKE_BORDERS",
