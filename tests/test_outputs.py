@@ -1,4 +1,4 @@
-"""`ssiam.outputs`: files are compared by what they are, and written whole or not at all."""
+"""`ssiam.outputs`: files are compared by identity and written atomically."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ssiam.outputs import (
 )
 
 
-def test_files_are_compared_by_what_they_are(tmp_path):
+def test_files_are_compared_by_identity(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).write_text(name)
     os.link(tmp_path / "a", tmp_path / "hard")
@@ -30,7 +30,7 @@ def test_files_are_compared_by_what_they_are(tmp_path):
             check_distinct([("--out", tmp_path / name)], [("the source", tmp_path / "a")])
 
 
-def test_files_that_do_not_exist_yet_are_compared_too(tmp_path):
+def test_files_that_do_not_exist_yet_are_compared(tmp_path):
     (tmp_path / "link.csv").symlink_to("new.csv")
     outputs = [("--out", tmp_path / "new.csv"), ("--results", tmp_path / "link.csv")]
     with pytest.raises(ArgumentError, match=r"--out .* and --results .* are one file"):
@@ -40,7 +40,7 @@ def test_files_that_do_not_exist_yet_are_compared_too(tmp_path):
         check_distinct([("--out", same), ("--results", same)], [])
 
 
-def test_devices_hold_nothing_and_may_be_given_twice(tmp_path):
+def test_devices_may_be_given_twice(tmp_path):
     for name in ("a.csv", "b.png"):
         (tmp_path / name).symlink_to("/dev/null")
     outputs = [("--results", tmp_path / "a.csv"), ("--plot", tmp_path / "b.png")]
@@ -48,7 +48,7 @@ def test_devices_hold_nothing_and_may_be_given_twice(tmp_path):
     assert is_stream(tmp_path / "a.csv")
 
 
-def test_the_check_changes_nothing(tmp_path):
+def test_the_check_does_not_change_the_file(tmp_path):
     path = tmp_path / "out.mp4"
     path.write_text("older")
     before = path.stat().st_mtime_ns
@@ -62,7 +62,7 @@ def test_the_check_changes_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["w", "wb"])
-def test_a_file_is_replaced_when_the_new_one_is_whole(tmp_path, mode):
+def test_a_file_is_replaced_when_the_new_one_is_complete(tmp_path, mode):
     path, text = tmp_path / "out.xml", "new\n" if mode == "w" else b"new\n"
     path.write_text("older")
     with atomic_write(path, mode) as file:
@@ -74,7 +74,7 @@ def test_a_file_is_replaced_when_the_new_one_is_whole(tmp_path, mode):
     assert leftover_parts(path) == []
 
 
-def test_what_goes_wrong_leaves_the_older_file_and_no_part(tmp_path):
+def test_an_error_keeps_the_older_file_and_leaves_no_part_file(tmp_path):
     path = tmp_path / "out.xml"
     path.write_text("older")
     for error in (KeyboardInterrupt, ValueError):
@@ -86,16 +86,16 @@ def test_what_goes_wrong_leaves_the_older_file_and_no_part(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ["out.xml"]
 
 
-def test_only_parts_of_this_output_are_found(tmp_path):
+def test_only_part_files_of_this_output_are_found(tmp_path):
     mine = ["clip.part-2.mp4", "clip.part.mp4"]
     others = ["clip.part.csv", "clip-2.part.mp4", "clip.part-x.mp4", "myclip.part.mp4", "clip.mp4"]
     for name in (*mine, *others):
         (tmp_path / name).write_text("")
     assert [path.name for path in leftover_parts(tmp_path / "clip.mp4")] == mine
-    assert leftover_parts(tmp_path / "gone" / "clip.mp4") == []
+    assert leftover_parts(tmp_path / "missing" / "clip.mp4") == []
 
 
-def test_a_part_of_a_link_lies_beside_the_file(tmp_path):
+def test_the_part_file_of_a_link_is_beside_its_target(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "out.mp4").symlink_to("elsewhere/o.mp4")
     part = PartFile(tmp_path / "out.mp4")

@@ -127,7 +127,7 @@ class TestCoco:
     def test_pictures_do_not_lead_out_of_their_folder(self, tmp_path):
         path = write_coco(tmp_path, [entry(BOX)])
         path.write_text(path.read_text().replace("000001.png", "../../000001.png"))
-        with pytest.raises(DatasetError, match="does not lie inside"):
+        with pytest.raises(DatasetError, match="is not inside"):
             opened("coco", path)
 
 

@@ -55,12 +55,12 @@ def read_lasot(folder: Path, as_published: bool = False) -> VideoSequence:
 
 def _split(name: str) -> str:
     kind, _, number = name.rpartition("-")
-    is_test = number.isascii() and number.isdigit() and int(number) in TEST.get(kind, ())
+    is_test = number.isascii() and number.isdigit() and int(number) in TEST_SPLIT.get(kind, ())
     return "test" if is_test else "train"
 
 
 # The 280 test sequences by class and number ("airplane-1", ...); the other 1120 are for training.
-TEST: dict[str, tuple[int, ...]] = {
+TEST_SPLIT: dict[str, tuple[int, ...]] = {
     "airplane": (1, 9, 13, 15),
     "basketball": (1, 6, 7, 11),
     "bear": (2, 4, 6, 17),
