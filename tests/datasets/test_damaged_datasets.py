@@ -124,7 +124,7 @@ DAMAGED = [
     ("tag too long", _long_tag, "occlusion.tag: has 4 labels for 3 frames"),
     ("label too short", _short_label, "absence.label: has 1 labels for 3 frames"),
     ("UAV123 with wrong count", _uav_wrong_count, "bird1_1 goes from image 1 to 253"),
-    ("UAV123 with a missing image", _uav_missing_image, "images of 1 of them are missing, from 3 on"),
+    ("UAV123 without an image", _uav_missing_image, "images of 1 of them are missing, from 3 on"),
     ("UAV123 without the video", _uav_no_video, "bike1: has no images"),
     ("duplicate name", _duplicate_name, "a second sequence is called 'ants1'"),
 ]  # fmt: skip
