@@ -14,6 +14,7 @@ from ssiam.outputs import (
     check_output,
     is_stream,
     leftover_parts,
+    make_folder,
 )
 
 
@@ -104,3 +105,12 @@ def test_the_part_file_of_a_link_is_beside_its_target(tmp_path):
     part.finish()
     assert (tmp_path / "elsewhere" / "o.mp4").exists()
     assert part.location == tmp_path / "out.mp4"
+
+
+def test_a_folder_is_made_with_its_parents_or_refused(tmp_path):
+    for _ in range(2):
+        make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").touch()
+    with pytest.raises(SinkError, match=r"file/b: cannot be written \(Not a directory\)"):
+        make_folder(tmp_path / "file" / "b")

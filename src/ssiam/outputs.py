@@ -137,6 +137,20 @@ def output_error(path: Path, error: Exception, part: Path | None = None) -> Sink
     return SinkError(f"{path}: cannot be written ({reason}){rest}")
 
 
+def make_folder(path: Path) -> None:
+    """Create a folder and its parents, unless it exists.
+
+    Raises
+    ------
+    SinkError
+        It cannot be created.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
 class PartFile:
     """The file ``NAME.part.EXT`` to which an output is written until it is complete.
 

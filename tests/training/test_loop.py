@@ -180,5 +180,5 @@ def test_a_folder_that_cannot_go_on(weights, undisturbed, tmp_path, changes, err
 
 def test_a_folder_that_cannot_be_made(weights, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(SinkError, match="file/run cannot be made"):
+    with pytest.raises(SinkError, match="file/run: cannot be written"):
         toy.run(tmp_path / "file" / "run", weights)

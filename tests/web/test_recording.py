@@ -221,7 +221,7 @@ def test_recordings_of_a_session_are_gone_with_it(recordings):
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SinkError, match="file/there cannot be made"):
+    with pytest.raises(SinkError, match="file/there: cannot be written"):
         Recordings(tmp_path / "file" / "there")
 
 

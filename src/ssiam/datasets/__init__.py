@@ -6,9 +6,17 @@ from ssiam.datasets.ground_truth import parse_boxes, read_boxes
 from ssiam.datasets.images import read_image
 from ssiam.datasets.registry import KINDS, open_dataset
 from ssiam.datasets.sequence import VideoSequence
-from ssiam.datasets.shake.camera import SHAKE_BORDERS, Shake, ShakeBorder, camera_path
-from ssiam.datasets.shake.path import SHAKE_KINDS, ShakeKind
-from ssiam.datasets.shake.sequence import ShakenSequence, shaken, shaken_dataset
+from ssiam.datasets.shake import (
+    SHAKE_BORDERS,
+    SHAKE_KINDS,
+    Shake,
+    ShakeBorder,
+    ShakeKind,
+    ShakenSequence,
+    camera_path,
+    shaken,
+    shaken_dataset,
+)
 from ssiam.errors import DatasetError, UnknownSequenceError
 
 __all__ = [

@@ -14,7 +14,7 @@ from ssiam.errors import SinkError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.workspace_sequences import LIST, length_of, sequence_folders
 from ssiam.evaluation.workspace_stack import is_official, read_stack, supervised_stack
-from ssiam.outputs import atomic_write, check_distinct, output_error
+from ssiam.outputs import atomic_write, check_distinct, make_folder
 
 _SEQUENCES = "sequences"
 _STACK = "stack.yaml"
@@ -125,9 +125,6 @@ def _write(files: Mapping[Path, str], force: bool) -> None:
         if path.exists() and not force:
             raise SinkError(f"{path} exists already: give --force to replace it")
     for path, text in files.items():
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise output_error(path, error) from error
+        make_folder(path.parent)
         with atomic_write(path, "w", hidden=True) as file:
             file.write(text)

@@ -7,13 +7,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from ssiam.errors import ArgumentError, SinkError
+from ssiam.errors import ArgumentError
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
-from ssiam.outputs import NamedPath, check_distinct, output_error
+from ssiam.outputs import NamedPath, check_distinct, make_folder, output_error
 from ssiam.runtime.exported import OPSET, RECORD, Exported, put
 from ssiam.runtime.files import sha256
 from ssiam.training.checkpoints import CHECKPOINT, read_state, write_file
@@ -131,10 +131,7 @@ def write_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
         raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
     network = built(settings.network)
     network.load_state_dict(state["average"])
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+    make_folder(folder)
     write_network(network.eval(), folder)
     return int(state["step"])
 

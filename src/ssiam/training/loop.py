@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from torch import Tensor
 
-from ssiam.errors import SinkError
+from ssiam.outputs import make_folder
 from ssiam.training.batches import Batch
 from ssiam.training.checkpoints import read_state, write_state
 from ssiam.training.finished import write_network
@@ -51,10 +51,7 @@ def train(settings: TrainSettings, batches: Batches, folder: Path, report: Repor
     ArgumentError
         The folder holds a run with other settings.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+    make_folder(folder)
     state = read_state(folder, settings)
     keep_freed_memory()
     trainer = Trainer(settings)

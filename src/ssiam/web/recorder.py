@@ -13,6 +13,7 @@ from time import monotonic
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
+from ssiam.outputs import output_error
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.layouts import Row
 from ssiam.web.backlog import Backlog
@@ -64,7 +65,7 @@ class Recorder:
         try:
             folder.mkdir()
         except OSError as error:
-            raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+            raise output_error(folder, error) from error
         self._folder, self.name = RecordingFolder(folder), folder.name
         self.is_open = True
         self._changed, self._note = changed, note

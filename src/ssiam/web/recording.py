@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
+from ssiam.outputs import make_folder
 from ssiam.video import open_source
 from ssiam.web.errors import CommandError, Note
 from ssiam.web.recorder import Recorder
@@ -56,10 +57,7 @@ class Recordings:
             folder = Path(self._passing.name)
             self._in_use = RecordingFolder(folder)
             self._in_use.lock()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
+        make_folder(folder)
         self._folder = folder
         self._lock = threading.Lock()
         self._recorders: dict[str, Recorder] = {}

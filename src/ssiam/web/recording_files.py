@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from ssiam.errors import SinkError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
-from ssiam.outputs import output_error
+from ssiam.outputs import atomic_write
 
 try:
     import fcntl
@@ -105,14 +105,8 @@ class RecordingFolder:
     def write_facts(self, facts: Facts) -> None:
         """Replace the facts on disk; `SinkError` if that cannot be done."""
         path = self.path / _FACTS
-        draft = path.with_name(f".{_FACTS}.new")
-        try:
-            draft.write_text(json.dumps(asdict(facts)), encoding="utf-8")
-            draft.replace(path)
-        except OSError as error:
-            with suppress(OSError):
-                draft.unlink()
-            raise output_error(path, error) from error
+        with atomic_write(path, "w", hidden=True) as file:
+            json.dump(asdict(facts), file)
 
     def read_facts(self) -> Facts | None:
         """The facts on disk; None where there are none that can be used."""
