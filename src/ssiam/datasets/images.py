@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import SourceError
@@ -49,16 +47,3 @@ def read_deep(path: Path) -> NDArray[Any]:
     except UnreadableImage:
         raise SourceError(f"{path}: is not an image that can be read; get it again") from None
     return image
-
-
-def read_all_channels(path: Path) -> NDArray[Any] | None:
-    """An image file with its alpha channel, if it has one: (H, W) or (H, W, C), BGRA order.
-
-    None if the file is missing or is not an image.
-    """
-    try:
-        encoded = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
-    except (OSError, cv2.error):
-        return None
-    return None if image is None else np.asarray(image)

@@ -6,10 +6,11 @@ import struct
 from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.images import read_all_channels, read_image
+from ssiam.datasets import read_image
 from ssiam.errors import SourceError
 from ssiam.geometry import Image
 
@@ -45,11 +46,15 @@ def label_picture(path: Path) -> Labels:
     SourceError
         The file is missing or no image.
     """
-    image = read_all_channels(path)
+    try:
+        encoded = np.fromfile(path, dtype=np.uint8)
+        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
+    except (OSError, cv2.error):
+        image = None
     if image is None:
         raise SourceError(f"{path}: is not a mask that can be read; get it again")
     labels = _numbers(np.asarray(image))
-    palette = _palette(path.read_bytes())
+    palette = _palette(encoded.tobytes())
     if palette is not None and image.ndim == 3:
         labels = _indices(labels, palette)
     labels.flags.writeable = False

@@ -14,9 +14,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
-from ssiam.datasets.images import read_all_channels
 from ssiam.errors import SourceError
 from ssiam.geometry import XYWH, Image
 from ssiam.training.outlines import box_of_mask
@@ -158,7 +158,11 @@ def _rendered(scene: StampScene, t: int) -> _Frame:
 @lru_cache(maxsize=4 * _KEPT)
 def _stamp(path: Path) -> Image:
     """A stamp (H, W, 4) uint8 BGRA, cut to what is not transparent; `SourceError` if none."""
-    image = read_all_channels(path)
+    try:
+        encoded = np.fromfile(path, dtype=np.uint8)
+        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
+    except (OSError, cv2.error):
+        image = None
     if image is None or image.dtype != np.uint8 or image.shape[2:] != (_CHANNELS,):
         raise SourceError(f"{path}: is no picture with transparency, as a stamp is; remove it")
     box = box_of_mask(image[..., 3] >= 128)
