@@ -35,9 +35,9 @@ def sequences_in(folder: Path, options: Options) -> Readers:
         for path, beside in ((path, path.with_suffix(_BOX_SUFFIX)) for path in videos)
         if beside.is_file()
     }
-    own = None if found else _own_boxes(folder)
-    if own is not None:
-        found[folder.name] = partial(read_clip, folder, own, options.as_published)
+    boxes = None if found else _box_file(folder)
+    if boxes is not None:
+        found[folder.name] = partial(read_clip, folder, boxes, options.as_published)
     return found
 
 
@@ -83,7 +83,7 @@ def _count(video: Path) -> int:
         return sum(1 for _ in source)
 
 
-def _own_boxes(folder: Path) -> Path | None:
+def _box_file(folder: Path) -> Path | None:
     """The box file of a folder of images: beside it with its name, or the only one in it."""
     if not any(path.suffix.lower() in IMAGE_SUFFIXES for path in image_folder(folder).iterdir()):
         return None

@@ -190,14 +190,14 @@ def read_clip(
     has_area = (rows[:, 4:6] > 0).all(axis=1)
     objects = []
     for number in np.unique(rows[has_area, 1]):
-        own = np.flatnonzero(has_area & (rows[:, 1] == number))
-        own = own[np.argsort(rows[own, 0])]
-        twice = np.flatnonzero(np.diff(rows[own, 0]) == 0)
+        indices = np.flatnonzero(has_area & (rows[:, 1] == number))
+        indices = indices[np.argsort(rows[indices, 0])]
+        twice = np.flatnonzero(np.diff(rows[indices, 0]) == 0)
         if len(twice):
-            frame = rows[own[twice[0]], 0]
+            frame = rows[indices[twice[0]], 0]
             raise DatasetError(f"{path}: frame {frame:g} has two boxes of the id {number:g}")
-        frames = rows[own, 0].astype(np.int64) - _ORIGIN
-        objects.append(MotObject(int(number), frames, xywh[own]))
+        frames = rows[indices, 0].astype(np.int64) - _ORIGIN
+        objects.append(MotObject(int(number), frames, xywh[indices]))
     info = _info(folder / _INFO)
     images = inside(folder, info.get("imdir") or _IMAGES, folder / _INFO)
     return MotClip(folder, images, tuple(objects), _size_wh(info))

@@ -52,10 +52,10 @@ def sequences_in(folder: Path, options: Options) -> Readers:
         part = _part(folder, options.split)
         truths = sorted(_version_folder(folder / "anno", part).glob("*.txt"))
         return {path.stem: partial(_of_video, folder, part, path, options) for path in truths}
-    own = named_like(folder)
-    if own is None or not any(folder.glob("[0-9]" * _NAME_DIGITS + ".*")):
+    truth_path = named_like(folder)
+    if truth_path is None or not any(folder.glob("[0-9]" * _NAME_DIGITS + ".*")):
         return {}
-    return {folder.name: partial(read_clip, folder, own, options.as_published)}
+    return {folder.name: partial(read_clip, folder, truth_path, options.as_published)}
 
 
 def _part(folder: Path, split: str | None) -> str:
