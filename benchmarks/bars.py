@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 import ssiam
-from ssiam.geometry import frame_centre, map_points, rigid
+from ssiam.geometry import frame_center, map_points, rigid
 from ssiam.video import open_source
 
 CLIP = Path(__file__).parents[1] / "examples" / "shaky-walker.mp4"
@@ -152,7 +152,7 @@ def errors(
 ) -> np.ndarray:
     """Distance of the content's middle from where it should be, px."""
     left, top, right, bottom = content
-    x, y = frame_centre((right - left, bottom - top))
+    x, y = frame_center((right - left, bottom - top))
     back = rigid(*offset, 0)
     moved = [map_points(back @ f @ np.linalg.inv(back), [(x + left, y + top)])[0] for f in found]
     wanted = [map_points(t, [(x + left, y + top)])[0] for t in truth]

@@ -26,7 +26,7 @@ import numpy as np
 
 import ssiam
 from shared_data import WEIGHTS, sequences
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.geometry import iou
 from ssiam.trackers import SteadiedTracker
 from ssiam.video import open_source
@@ -133,7 +133,7 @@ def _demo() -> tuple[list[np.ndarray], np.ndarray]:
     )
 
 
-def _frames(sequence: Sequence, stop: int) -> tuple[list[np.ndarray], np.ndarray]:
+def _frames(sequence: VideoSequence, stop: int) -> tuple[list[np.ndarray], np.ndarray]:
     frames = [f for f, _ in zip(sequence.images(), range(stop), strict=False)]
     return frames, np.array([sequence.box(index) for index in range(len(frames))])
 

@@ -34,7 +34,7 @@ ROUNDS = 30  # of Newton's method
 def gathered(name: str, clips: list[Splice]) -> tuple[np.ndarray, list[str]]:
     """Rows (N, 2 + k) of `evidence` of all clips, and each row's sequence."""
     cv2.setNumThreads(1)
-    config = ssiam.StabilizerConfig("predict", find=False)
+    config = ssiam.StabilizerConfig("predict").with_options(find=False)
     tracker = load(name, config)
     rows = [evidence(tracker, clip) for clip in clips]
     names = [clip.name.split()[0] for clip, own in zip(clips, rows, strict=True) for _ in own]

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 import ssiam
-from ssiam.geometry import frame_centre, rigid
+from ssiam.geometry import frame_center, rigid
 
 SIZE = (160, 120)
 SPAN = 100  # frames that are compared
@@ -32,7 +32,7 @@ def shaking_frames() -> list[np.ndarray]:
     return [
         cv2.warpAffine(
             picture,
-            rigid(*step, frame_centre(SIZE))[:2],
+            rigid(*step, frame_center(SIZE))[:2],
             SIZE,
             borderMode=cv2.BORDER_REFLECT_101,
         )

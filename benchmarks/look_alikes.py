@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from loading import load
 from reserve import spread
 from shared_data import MOT
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.geometry import XYWH, iou
 from ssiam.stabilize import METHODS
 from ssiam.trackers import SteadiedTracker
@@ -86,7 +86,7 @@ class Ending:
         return self.own < OFF
 
 
-def targets(clips: list[Path]) -> Iterator[Sequence]:
+def targets(clips: list[Path]) -> Iterator[VideoSequence]:
     """The sequences of the objects that are followed."""
     for clip in clips:
         for sequence in open_dataset(clip, "mot", as_published=True).sequences.values():
@@ -95,7 +95,7 @@ def targets(clips: list[Path]) -> Iterator[Sequence]:
                 yield sequence
 
 
-def ending(tracker: SteadiedTracker, sequence: Sequence, seed: int = 0) -> Ending:
+def ending(tracker: SteadiedTracker, sequence: VideoSequence, seed: int = 0) -> Ending:
     """One pass over a sequence, and how it ends."""
     images = islice(sequence.images(), MOST)
     tracker.init(next(images), first_box(sequence, seed))
@@ -114,7 +114,7 @@ def ending(tracker: SteadiedTracker, sequence: Sequence, seed: int = 0) -> Endin
     )
 
 
-def first_box(sequence: Sequence, seed: int) -> XYWH:
+def first_box(sequence: VideoSequence, seed: int) -> XYWH:
     """The target's box, shifted a little but for the first seed."""
     x, y, w, h = sequence.box(0)
     if not seed:
@@ -124,7 +124,7 @@ def first_box(sequence: Sequence, seed: int) -> XYWH:
     return x + dx, y + dy, w, h
 
 
-def overlaps(boxes: Floats, sequence: Sequence) -> tuple[Floats, Floats]:
+def overlaps(boxes: Floats, sequence: VideoSequence) -> tuple[Floats, Floats]:
     """Overlaps (N,) of boxes (N, 4) from the second frame on: own, and the greatest with others."""
     own = iou(boxes, sequence.truth[1 : len(boxes) + 1])
     others = (sequence.other_boxes(index) for index in range(1, len(boxes) + 1))

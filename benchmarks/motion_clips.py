@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from shared_data import SHARED, sequences
-from ssiam.geometry import corners_from_xywh, frame_centre, map_box, map_points, rigid
+from ssiam.geometry import corners_from_xywh, frame_center, map_box, map_points, rigid
 
 REAL = "real"
 UNSHAKEN = "unshaken"
@@ -156,7 +156,7 @@ def poses(shake: str, count: int, size_wh: tuple[int, int], name: str) -> list[n
     else:
         share = float(shake.split()[0]) / 100
         steps = rng.normal(0, (share * width, share * width, np.deg2rad(1)), (count, 3))
-    return [rigid(*step, frame_centre(size_wh)) for step in steps]
+    return [rigid(*step, frame_center(size_wh)) for step in steps]
 
 
 def hand_held(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -28,7 +28,7 @@ from shared_data import WEIGHTS, sequences
 LONGEST = 100  # frames of a sequence
 
 
-def shortened(folder: Path, count: int | None = None, copies: int = 1) -> Path:
+def short_repr(folder: Path, count: int | None = None, copies: int = 1) -> Path:
     """The first sequences in OTB's layout, at most `LONGEST` frames of each."""
     chosen = islice(sequences().items(), count)
     for (name, sequence), copy in product(chosen, range(copies)):
@@ -98,8 +98,8 @@ def main() -> None:
     tracker = parser.parse_args().tracker
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        all_of_them = shortened(folder / "all")
-        few, many = (shortened(folder / f"{n}", 3, copies=n) for n in (1, 5))
+        all_of_them = short_repr(folder / "all")
+        few, many = (short_repr(folder / f"{n}", 3, copies=n) for n in (1, 5))
         address = cluster(stack)
         one, _ = measured(all_of_them, tracker, "--jobs", "1")
         two, _ = measured(all_of_them, tracker, "--jobs", "2")

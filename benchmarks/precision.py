@@ -21,7 +21,7 @@ import numpy as np
 
 from shared_data import SHARED, VIDEOS, WEIGHTS, sequences
 from ssiam import FrameView
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.success import mean_success, success
 from ssiam.geometry import iou
 from ssiam.runtime import Network, load_network
@@ -65,7 +65,7 @@ def in_int8(files: list[Path], folder: Path) -> list[Path]:
     return [files[0], folder / "search.onnx", files[2]]
 
 
-def followed(tracker: NanoTrack, sequence: Sequence, count: int) -> np.ndarray:
+def followed(tracker: NanoTrack, sequence: VideoSequence, count: int) -> np.ndarray:
     """Boxes (n, 4) of all frames, the first one's given."""
     frames = islice(sequence.images(), count)
     boxes = [sequence.box(0)]
@@ -73,12 +73,12 @@ def followed(tracker: NanoTrack, sequence: Sequence, count: int) -> np.ndarray:
     return np.array([*boxes, *(tracker.track(FrameView(frame)).box for frame in frames)])
 
 
-def true_boxes(sequence: Sequence, count: int) -> np.ndarray:
+def true_boxes(sequence: VideoSequence, count: int) -> np.ndarray:
     """Upright boxes (count, 4) of the first frames."""
     return np.array([sequence.box(i) for i in range(count)])
 
 
-def row(runs: list[np.ndarray], exact: list[np.ndarray], clips: list[Sequence]) -> str:
+def row(runs: list[np.ndarray], exact: list[np.ndarray], clips: list[VideoSequence]) -> str:
     """Two cells: overlap of the runs' boxes with the exact ones, and success."""
     same = np.mean([iou(*pair).mean() for pair in zip(runs, exact, strict=True)])
     pairs = zip(runs, clips, strict=True)

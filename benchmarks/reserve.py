@@ -28,7 +28,7 @@ from shake_measure import film, measured
 from shake_run import NO_SHAKE, Run
 from shared_data import RESERVE, sequences
 from ssiam.datasets import Shake, shaken
-from ssiam.datasets.camera_paths import SHAKE_KINDS
+from ssiam.datasets.shake.path import SHAKE_KINDS
 from ssiam.evaluation.compare import paired_difference
 from ssiam.stabilize import METHODS
 

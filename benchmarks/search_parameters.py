@@ -20,8 +20,7 @@ import joblib
 import numpy as np
 
 import ssiam
-from ssiam.datasets import Sequence as Clip
-from ssiam.datasets import Shake, open_dataset, shaken
+from ssiam.datasets import Shake, VideoSequence, open_dataset, shaken
 from ssiam.evaluation.success import success
 from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import Method
@@ -43,7 +42,9 @@ class Setting(NamedTuple):
 SETTINGS = (Setting("off", Shake(0.0)), Setting("predict", Shake(0.03, "handheld")))
 
 
-def scores(weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParameters]) -> np.ndarray:
+def scores(
+    weights: Path, clip: VideoSequence, frames: int, tried: Sequence[SearchParameters]
+) -> np.ndarray:
     """Success (settings, parameters) of a clip's first frames."""
     cv2.setNumThreads(1)
     networks = LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
@@ -52,7 +53,7 @@ def scores(weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParamet
 
 def of_setting(
     networks: LiteNetworks,
-    clip: Clip,
+    clip: VideoSequence,
     frames: int,
     tried: Sequence[SearchParameters],
     setting: Setting,

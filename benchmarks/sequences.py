@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from shared_data import VIDEOS, WEIGHTS, sequences
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.success import success
 from ssiam.geometry import iou
 
@@ -44,7 +44,7 @@ def track(
             return list(csv.DictReader(file))
 
 
-def folder(sequence: Sequence) -> Path:
+def folder(sequence: VideoSequence) -> Path:
     """Where the sequence's images lie."""
     assert isinstance(sequence.frames, tuple)
     return sequence.frames[0].parent

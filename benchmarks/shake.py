@@ -30,7 +30,7 @@ from shake_plot import draw
 from shake_report import MAIN, report
 from shake_run import NO_SHAKE, Run, read_runs
 from shared_data import sequences
-from ssiam.datasets.camera_paths import SHAKE_KINDS
+from ssiam.datasets.shake.path import SHAKE_KINDS
 
 TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt", *PEERS)
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)

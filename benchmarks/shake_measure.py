@@ -15,8 +15,8 @@ from loading import load as load_any
 from shake_report import TRUE_MOTION
 from shake_run import NO_SHAKE, Run
 from shared_data import sequences
-from ssiam.datasets import Sequence, Shake, shaken
-from ssiam.datasets.camera_paths import SHAKE_KINDS
+from ssiam.datasets import Shake, VideoSequence, shaken
+from ssiam.datasets.shake.path import SHAKE_KINDS
 from ssiam.evaluation.lines import write_lines
 from ssiam.evaluation.overlap import vot_overlap
 from ssiam.evaluation.protocols import run
@@ -35,7 +35,7 @@ BURN_IN = 10  # frames from each start on that do not count for the accuracy
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Filmed(Sequence):
+class Filmed(VideoSequence):
     """A sequence whose pictures are at hand, for many runs."""
 
     pictures: list[np.ndarray]
@@ -87,7 +87,7 @@ def chunk(out: Path, one_pass: bool, todo: list[Run]) -> int:
     return len(todo)
 
 
-def film(sequence: Sequence) -> Filmed:
+def film(sequence: VideoSequence) -> Filmed:
     """The sequence with its pictures in memory."""
     pictures = list(sequence.images())
     return Filmed(
@@ -99,11 +99,11 @@ def load(tracker: str, setting: str) -> SteadiedTracker:
     """The tracker with a setting, by their names."""
     config = StabilizerConfig(setting if setting in METHODS else "predict")
     if setting.startswith(WITHOUT):
-        config = replace(config, **{setting.removeprefix(WITHOUT): False})
+        config = config.with_options(**{setting.removeprefix(WITHOUT): False})
     return load_any(tracker, config)
 
 
-def true_motions(out: Path, plain: Sequence, shaken_from_raw: np.ndarray) -> list[Motion]:
+def true_motions(out: Path, plain: VideoSequence, shaken_from_raw: np.ndarray) -> list[Motion]:
     """The shake, and the motion that the footage had before it; by frame."""
     path = out / "motions" / f"{plain.name}.json"
     if not path.exists():
@@ -112,12 +112,12 @@ def true_motions(out: Path, plain: Sequence, shaken_from_raw: np.ndarray) -> lis
     raw_from_prev_shaken = raw[1:] @ np.linalg.inv(shaken_from_raw[:-1])
     height, width = next(plain.images()).shape[:2]
     return [
-        Motion.given(cur_from_prev, (width, height))
+        Motion.from_transform(cur_from_prev, (width, height))
         for cur_from_prev in (np.eye(3), *(shaken_from_raw[1:] @ raw_from_prev_shaken))
     ]
 
 
-def unshaken_motions(plain: Sequence) -> np.ndarray:
+def unshaken_motions(plain: VideoSequence) -> np.ndarray:
     """cur_from_prev (N, 3, 3) of the frames as they are, without a look at the target."""
     camera = CameraMotion()
     boxes = upright(plain.truth)

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 
 from shake_run import NO_SHAKE, Run, Runs
-from ssiam.datasets.camera_paths import SHAKE_KINDS
+from ssiam.datasets.shake.path import SHAKE_KINDS
 from ssiam.evaluation.compare import paired_difference
 
 TRUE_MOTION = "predict, true motion"

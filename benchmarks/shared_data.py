@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 SEQUENCES = SHARED / "data" / "sequences"
@@ -20,7 +20,9 @@ MOT = SHARED / "data" / "mot"
 VIDEOS = SHARED / "data" / "videos"
 
 
-def sequences(folder: Path = SEQUENCES, *, as_published: bool = False) -> Mapping[str, Sequence]:
+def sequences(
+    folder: Path = SEQUENCES, *, as_published: bool = False
+) -> Mapping[str, VideoSequence]:
     """The real sequences of a folder by name, 0-based unless `as_published`."""
     if not folder.is_dir():
         raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ def shifted(image: Image, shift: Floats, size_wh: tuple[int, int]) -> Image:
     )
 
 
-def boxes(sequence: Sequence, count: int) -> Floats:
+def boxes(sequence: VideoSequence, count: int) -> Floats:
     """The first `count` true boxes (count, 4)."""
     if len(sequence) < count:
         raise UnfitError(f"{len(sequence)} frames, {count} are needed")
@@ -61,7 +61,7 @@ def distance(start: int, length: int, count: int) -> Floats:
     return np.maximum(np.maximum(start - index, index - start - length + 1), 0).astype(np.float64)
 
 
-def picture_size(sequence: Sequence) -> tuple[int, int]:
+def picture_size(sequence: VideoSequence) -> tuple[int, int]:
     """Width and height of the frames."""
     height, width = next(sequence.images()).shape[:2]
     return width, height

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from splice import AFTER, Floats, Splice, UnfitError, boxes, distance, meet, picture_size
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image
 
 GROWN = 0.3  # of the target's sides, by which a cover is larger on each side
@@ -17,7 +17,7 @@ SLIDE = 6  # frames in which a cover comes or leaves
 DRAWS = 200  # places that are tried for a cover's texture
 
 
-def covered(sequence: Sequence, start: int, length: int, rng: np.random.Generator) -> Splice:
+def covered(sequence: VideoSequence, start: int, length: int, rng: np.random.Generator) -> Splice:
     """The sequence goes on while a piece of its own background hides the target."""
     place = boxes(sequence, start + length + AFTER)
     away = distance(start, length, len(place))
@@ -33,7 +33,7 @@ def covered(sequence: Sequence, start: int, length: int, rng: np.random.Generato
 
 
 def texture_place(
-    sequence: Sequence, index: int, covers: Floats, rng: np.random.Generator
+    sequence: VideoSequence, index: int, covers: Floats, rng: np.random.Generator
 ) -> tuple[int, int, int, int]:
     """Where a piece of the target's size is cut out of a frame, clear of target and cover."""
     box, cover = sequence.box(index), covers[index]
@@ -46,7 +46,7 @@ def texture_place(
 
 
 def covered_frames(
-    sequence: Sequence, covers: Floats, texture: tuple[int, int, int, int]
+    sequence: VideoSequence, covers: Floats, texture: tuple[int, int, int, int]
 ) -> Iterator[Image]:
     """The frames, with a piece of the first one that has a cover laid over each cover."""
     piece: Image | None = None

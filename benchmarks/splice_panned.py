@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splice import AFTER, Floats, Splice, UnfitError, boxes, distance, meet, picture_size, shifted
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image
 
 PAN = 10  # frames in which the picture pans away or back
@@ -19,7 +19,7 @@ MARGIN = 0.05  # of that picture's side, left between it and the target
 STEADY = 31  # frames over which the panning picture's path is smoothed
 
 
-def panned(sequence: Sequence, start: int, length: int, rng: np.random.Generator) -> Splice:
+def panned(sequence: VideoSequence, start: int, length: int, rng: np.random.Generator) -> Splice:
     """The sequence goes on in a part of the picture that pans away from the target and back."""
     raw = boxes(sequence, start + length + AFTER)
     size = np.array(picture_size(sequence))
@@ -72,7 +72,7 @@ def beyond(path: Floats, window: Floats, size: Floats) -> Floats:
     return np.asarray((outside / window).max(axis=1))
 
 
-def panned_frames(sequence: Sequence, path: Floats, window: Floats) -> Iterator[Image]:
+def panned_frames(sequence: VideoSequence, path: Floats, window: Floats) -> Iterator[Image]:
     """The window of each frame; beyond the raw picture its background is mirrored."""
     for image, corner in zip(sequence.images(), path, strict=False):
         yield shifted(image, -corner, (int(window[0]), int(window[1])))

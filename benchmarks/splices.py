@@ -18,7 +18,7 @@ import numpy as np
 from splice import AFTER, Splice, UnfitError, boxes, picture_size, shifted
 from splice_covered import covered
 from splice_panned import panned
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image
 
 KINDS = ("covered", "out of the frame", "cut")
@@ -27,7 +27,7 @@ LENGTHS = (25, 50, 75)  # frames that it is gone, 1 to 3 s
 
 
 def splices(
-    sequences: Mapping[str, Sequence], shake: float = 0.0
+    sequences: Mapping[str, VideoSequence], shake: float = 0.0
 ) -> tuple[list[Splice], dict[str, str]]:
     """All clips that the sequences allow, and by their names why the others do not exist.
 
@@ -50,8 +50,8 @@ def splices(
 
 
 def cut(
-    others: Mapping[str, Sequence],
-    sequence: Sequence,
+    others: Mapping[str, VideoSequence],
+    sequence: VideoSequence,
     start: int,
     length: int,
     rng: np.random.Generator,
@@ -67,7 +67,7 @@ def cut(
 
 
 def cut_frames(
-    sequence: Sequence, other: Sequence, start: int, first: int, length: int
+    sequence: VideoSequence, other: VideoSequence, start: int, first: int, length: int
 ) -> Iterator[Image]:
     """The sequence with `length` frames of the other one, from `first` on, put in at `start`."""
     images = sequence.images()

@@ -22,7 +22,7 @@ import numpy as np
 from masks import box, truth
 from shake_measure import film, load, measured
 from shake_run import NO_SHAKE, Run
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.compare import paired_difference
 
 SETTINGS = ("off", "predict")
@@ -30,12 +30,12 @@ TOLD = 3  # videos with the greatest differences
 HEAD = "| tracker | off: lost, success | predict | lost | success | most different |"
 
 
-def video(root: Path, name: str) -> Sequence:
+def video(root: Path, name: str) -> VideoSequence:
     """A video of DAVIS with the boxes of its masks; nan where nothing is labelled."""
     pictures = sorted((root / "JPEGImages" / "480p" / name).glob("*.jpg"))
     labels = [truth(path) for path in sorted((root / "Annotations" / "480p" / name).glob("*.png"))]
     boxes = [box(label) if label.any() else (np.nan,) * 4 for label in labels]
-    return Sequence(name, tuple(pictures), np.array(boxes))
+    return VideoSequence(name, tuple(pictures), np.array(boxes))
 
 
 def runs_of(root: Path, name: str, trackers: list[str]) -> list[Run]:

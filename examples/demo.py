@@ -84,7 +84,7 @@ def track_clip(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: 
     with (
         open_source(CLIP) as frames,
         VideoSink(out / f"{config.stabilize}.mp4", frames.fps) as video,
-        PathPlot(out / f"{config.stabilize}-path.png", config.window) as plot,
+        PathPlot(out / f"{config.stabilize}-path.png", config.paper.window) as plot,
     ):
         first = next(frames)
         tracker.init(first.image, truth[0])

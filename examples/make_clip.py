@@ -23,7 +23,7 @@ from ssiam.geometry import (
     Image,
     Transform,
     corners_from_xywh,
-    frame_centre,
+    frame_center,
     map_box,
     map_points,
     rigid,
@@ -127,7 +127,7 @@ def clip_from_source(motion_row: NDArray[np.float64]) -> Transform:
     """Return the transform of one frame: still window's corner to the origin, then the shake."""
     dx, dy, angle = motion_row
     still_from_source = rigid(-STILL_WINDOW_XY[0], -STILL_WINDOW_XY[1], 0.0)
-    return rigid(dx, dy, angle, frame_centre(CLIP_WH)) @ still_from_source
+    return rigid(dx, dy, angle, frame_center(CLIP_WH)) @ still_from_source
 
 
 def render(source_frame: Image, transform: Transform) -> Image:

@@ -27,7 +27,7 @@ from ssiam.datasets import open_dataset
 from ssiam.evaluation import vot_toolkit
 from ssiam.evaluation.eao import Interval
 from ssiam.evaluation.tracked import read_results
-from ssiam.geometry import corners_from_xywh, frame_centre, map_points, rigid
+from ssiam.geometry import corners_from_xywh, frame_center, map_points, rigid
 
 PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail in supervised experiments
 INTERPRETERS = ("python3.11", sys.executable)
@@ -117,7 +117,7 @@ def write_sequence(folder: Path, seed: int) -> None:
         scene = background.copy()
         scene[y : y + h, x : x + w] = target
         dx, dy, angle = random.normal(0, (shake, shake, roll))
-        frame_from_world = rigid(dx, dy, angle, frame_centre(SIZE))
+        frame_from_world = rigid(dx, dy, angle, frame_center(SIZE))
         frame = cv2.warpAffine(scene, frame_from_world[:2], SIZE, borderMode=cv2.BORDER_REFLECT)
         cv2.imwrite(str(folder / "color" / f"{index + 1:08d}.jpg"), frame)
         corners = map_points(frame_from_world, corners_from_xywh((x, y, w - 1, h - 1)))

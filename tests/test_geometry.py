@@ -11,42 +11,42 @@ sides = st.floats(1, 300)
 
 
 @given(shifts, shifts, angles, shifts, shifts, sides, sides)
-def test_box_there_and_back_is_the_identity(dx, dy, angle, x, y, w, h):
+def test_a_box_is_mapped_back_by_the_inverse(dx, dy, angle, x, y, w, h):
     stab_from_raw = g.rigid(dx, dy, angle, (320, 180))
     there = g.map_box(stab_from_raw, (x, y, w, h))
     back = g.map_box(np.linalg.inv(stab_from_raw), there)
     assert back == pytest.approx((x, y, w, h), abs=1e-9)
 
 
-def test_box_there_and_back_through_a_homography():
+def test_a_box_is_mapped_back_by_the_inverse_homography():
     there_from_here = np.array([[1.1, 0.05, 12], [-0.04, 0.95, -7], [2e-4, -1e-4, 1]])
     box = (100.0, 80.0, 40.0, 60.0)
     back = g.map_box(np.linalg.inv(there_from_here), g.map_box(there_from_here, box))
     assert back == pytest.approx(box, abs=1e-9)
 
 
-def test_box_sides_follow_the_zoom():
+def test_box_sides_are_scaled_by_the_zoom():
     assert g.map_box(np.diag([2.0, 2.0, 1.0]), (10, 20, 30, 40)) == pytest.approx((20, 40, 60, 80))
 
 
 @given(shifts, shifts, angles)
 def test_rigid_parameters_invert_rigid(dx, dy, angle):
-    centre = (319.5, 179.5)
-    parameters = g.rigid_parameters(g.rigid(dx, dy, angle, centre), centre)
+    center = (319.5, 179.5)
+    parameters = g.rigid_parameters(g.rigid(dx, dy, angle, center), center)
     assert parameters == pytest.approx((dx, dy, angle), abs=1e-9)
 
 
-def test_rigid_turns_clockwise_on_screen():
-    # Eq. 7's misprint would not even keep lengths: x (right) must go towards y (down).
-    turned = g.map_points(g.rigid(0, 0, np.pi / 2), [[1.0, 0.0]])
-    np.testing.assert_allclose(turned, [[0.0, 1.0]], atol=1e-12)
+def test_rigid_rotates_clockwise_on_screen():
+    # x (right) must be mapped to y (down); the misprint of eq. 7 would change lengths.
+    rotated = g.map_points(g.rigid(0, 0, np.pi / 2), [[1.0, 0.0]])
+    np.testing.assert_allclose(rotated, [[0.0, 1.0]], atol=1e-12)
 
 
-def test_roll_about_the_centre_is_no_shift():
-    centre = g.frame_centre((640, 360))
-    roll = g.rigid(0, 0, np.deg2rad(0.5), centre)
-    assert g.rigid_parameters(roll, centre)[:2] == pytest.approx((0, 0), abs=1e-9)
-    assert np.hypot(*g.rigid_parameters(roll, (0, 0))[:2]) > 3  # the trap: taken at the origin
+def test_a_roll_about_the_center_has_no_shift():
+    center = g.frame_center((640, 360))
+    roll = g.rigid(0, 0, np.deg2rad(0.5), center)
+    assert g.rigid_parameters(roll, center)[:2] == pytest.approx((0, 0), abs=1e-9)
+    assert np.hypot(*g.rigid_parameters(roll, (0, 0))[:2]) > 3  # at the origin it has
 
 
 def test_corners_and_box():
@@ -59,11 +59,11 @@ def test_area_preserving_box_is_the_reference(golden):
     z = golden("functions.npz")
     for polygon, (cx, cy, w, h) in zip(z["aabb_in"], z["aabb_out"], strict=True):
         x, y, width, height = g.area_preserving_xywh(polygon)
-        centre = x + (width - 1) / 2, y + (height - 1) / 2
-        assert (*centre, width, height) == pytest.approx((cx, cy, w, h), abs=1e-6)
+        center = x + (width - 1) / 2, y + (height - 1) / 2
+        assert (*center, width, height) == pytest.approx((cx, cy, w, h), abs=1e-6)
 
 
-def test_mask_goes_with_its_box():
+def test_a_mask_is_mapped_like_its_box():
     mask = np.zeros((90, 120), dtype=bool)
     mask[20:40, 30:60] = True
     moved = g.map_mask(g.rigid(7, -5, 0), mask, (120, 90))
@@ -72,7 +72,7 @@ def test_mask_goes_with_its_box():
 
 
 @pytest.mark.parametrize(
-    ("box", "complaint"),
+    ("box", "message"),
     [
         pytest.param((np.nan, 1, 5, 5), "not finite", id="nan"),
         pytest.param((1, 1, np.inf, 5), "not finite", id="infinite"),
@@ -83,21 +83,21 @@ def test_mask_goes_with_its_box():
         pytest.param((1, 2, 3), "3 numbers", id="three numbers"),
     ],
 )
-def test_bad_boxes_are_named(box, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_invalid_boxes_are_refused(box, message):
+    with pytest.raises(ValueError, match=message):
         g.check_box(box, (100, 80))
 
 
 @pytest.mark.parametrize(
     "frame",
     [
-        pytest.param(np.zeros((4, 4), np.uint8), id="grey"),
+        pytest.param(np.zeros((4, 4), np.uint8), id="gray"),
         pytest.param(np.zeros((4, 4, 4), np.uint8), id="four channels"),
         pytest.param(np.zeros((4, 4, 3), np.float32), id="floats"),
         pytest.param(np.zeros((0, 4, 3), np.uint8), id="no rows"),
-        pytest.param(None, id="nothing"),
+        pytest.param(None, id="none"),
     ],
 )
-def test_bad_frames_are_refused(frame):
+def test_invalid_frames_are_refused(frame):
     with pytest.raises(ValueError, match="frame"):
         g.check_frame(frame)

@@ -1,4 +1,4 @@
-"""Every public class says what threads may do with it, and copies and pickles are sound."""
+"""Public classes document their thread safety; copies and pickles are independent."""
 
 import copy
 import importlib
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from ssiam.motion import KEYPOINTS, MotionAhead
+from ssiam.motion import KEYPOINTS, PrefetchingCameraMotion
 from ssiam.video import VideoSink, open_results, open_source
 
 ROOMS = "motion stabilize runtime networks trackers video exchange datasets training web"
@@ -32,7 +32,7 @@ def public_classes():
 
 
 @pytest.mark.parametrize("public", list(public_classes()))
-def test_it_says_what_threads_may_do(public):
+def test_thread_safety_is_documented(public):
     if not issubclass(public, BaseException):
         assert re.search(r"^ *Threads: \S", vars(public)["__doc__"], re.MULTILINE)
 
@@ -48,30 +48,30 @@ def frames(clip):
         return [frame.image for frame, _ in zip(source, range(8), strict=False)]
 
 
-def told(track):
+def values(track):
     return track.box, track.score, track.stab_from_raw.tolist()
 
 
 @pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
 @pytest.mark.parametrize("announced", [False, True])
-def test_a_tracker_and_its_copy_go_on_by_themselves(frames, copied, stabilize, announced):
+def test_a_tracker_and_its_copy_are_independent(frames, copied, stabilize, announced):
     tracker = ssiam.load_tracker(stabilize=stabilize)
     tracker.init(frames[0], BOX)
     tracker.update(frames[1], following=frames[2] if announced else None)
     twin = copied(tracker)
-    expected = [told(tracker.update(frame)) for frame in frames[2:]]
-    assert [told(twin.update(frame)) for frame in frames[2:]] == expected
+    expected = [values(tracker.update(frame)) for frame in frames[2:]]
+    assert [values(twin.update(frame)) for frame in frames[2:]] == expected
 
 
 @pytest.mark.parametrize("copied", COPIES)
-def test_a_group_and_its_copy_go_on_by_themselves(frames, copied):
+def test_a_group_and_its_copy_are_independent(frames, copied):
     group = ssiam.TrackerGroup(ssiam.load_tracker())
     group.init(frames[0], [BOX, (200, 60, 40, 40)])
     group.update(frames[1])
     twin = copied(group)
-    expected = [[told(track) for track in group.update(frame)] for frame in frames[2:5]]
-    assert [[told(track) for track in twin.update(frame)] for frame in frames[2:5]] == expected
+    expected = [[values(track) for track in group.update(frame)] for frame in frames[2:5]]
+    assert [[values(track) for track in twin.update(frame)] for frame in frames[2:5]] == expected
 
 
 def pickled(value):
@@ -80,7 +80,7 @@ def pickled(value):
 
 @pytest.mark.parametrize("copied", [*COPIES, pickled])
 @pytest.mark.parametrize("keypoints", KEYPOINTS)
-def test_camera_motion_and_its_copy_go_on_by_themselves(frames, copied, keypoints):
+def test_camera_motion_and_its_copy_are_independent(frames, copied, keypoints):
     camera = ssiam.CameraMotion(keypoints)
     for frame in frames[:3]:
         camera.update(frame)
@@ -90,8 +90,10 @@ def test_camera_motion_and_its_copy_go_on_by_themselves(frames, copied, keypoint
 
 
 @pytest.mark.parametrize("copied", [*COPIES, pickled])
-def test_a_stabilizer_and_its_copy_go_on_by_themselves(copied):
-    motions = [ssiam.Motion.given([[1, 0, 4.0 * k], [0, 1, -2]], (320, 180)) for k in range(6)]
+def test_a_stabilizer_and_its_copy_are_independent(copied):
+    motions = [
+        ssiam.Motion.from_transform([[1, 0, 4.0 * k], [0, 1, -2]], (320, 180)) for k in range(6)
+    ]
     stabilizer = ssiam.Stabilizer(ssiam.StabilizerConfig("paper"))
     for motion in motions[:3]:
         stabilizer.update(motion)
@@ -101,12 +103,12 @@ def test_a_stabilizer_and_its_copy_go_on_by_themselves(copied):
 
 
 @pytest.mark.parametrize("copied", [*COPIES, pickled])
-def test_values_are_copied_and_pickled(frames, copied):
+def test_values_can_be_copied_and_pickled(frames, copied):
     tracker = ssiam.load_tracker()
     tracker.init(frames[0], BOX)
     track = tracker.update(frames[1])
     same = copied(track)
-    assert told(same) == told(track)
+    assert values(same) == values(track)
     np.testing.assert_array_equal(same.mask, track.mask)
     assert same.motion.cur_from_prev.tolist() == track.motion.cur_from_prev.tolist()
     assert copied(tracker.config) == tracker.config
@@ -114,44 +116,44 @@ def test_values_are_copied_and_pickled(frames, copied):
     np.testing.assert_array_equal(copied(view).render(), view.render())
 
 
-def refuses(call, value):
+def assert_refused(call, value):
     with pytest.raises(ssiam.CopyError, match=r"^[^\n]* cannot be [^\n]*: [^\n]*$"):
         call(value)
 
 
 @pytest.mark.parametrize("name", ["lite", "kcf"])
-def test_trackers_are_not_pickled(frames, name):
+def test_trackers_cannot_be_pickled(frames, name):
     tracker = ssiam.load_tracker(name)
     for value in (tracker, ssiam.TrackerGroup(tracker), tracker.camera()):
-        refuses(pickled, value)
+        assert_refused(pickled, value)
     tracker.init(frames[0], BOX)
-    refuses(pickled, tracker)
+    assert_refused(pickled, tracker)
 
 
 @pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
-def test_opencvs_trackers_are_copied_without_a_target_only(frames, copied, name):
+def test_opencv_trackers_can_only_be_copied_without_a_target(frames, copied, name):
     tracker = ssiam.load_tracker(name)
     copied(tracker).init(frames[0], BOX)
     assert not tracker.has_target
     tracker.init(frames[0], BOX)
-    refuses(copied, tracker)
+    assert_refused(copied, tracker)
 
 
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
-def test_copies_of_networks_are_the_networks(runtime):
+def test_a_copied_network_is_the_same_object(runtime):
     pytest.importorskip(runtime)
     from ssiam.runtime import load_network
     from ssiam.trackers.lite import SHIPPED
 
     network = load_network(SHIPPED / "template.onnx", runtime=runtime)
     assert all(copied(network) is network for copied in COPIES)
-    refuses(pickled, network)
+    assert_refused(pickled, network)
 
 
 @pytest.mark.parametrize("copied", COPIES)
-def test_a_camera_that_works_ahead(frames, copied):
-    camera = MotionAhead(ssiam.CameraMotion())
+def test_a_prefetching_camera_and_its_copy_are_independent(frames, copied):
+    camera = PrefetchingCameraMotion(ssiam.CameraMotion())
     camera.update(frames[0])
     camera.start(frames[1])
     twin = copied(camera)
@@ -160,8 +162,8 @@ def test_a_camera_that_works_ahead(frames, copied):
 
 
 @pytest.mark.parametrize("call", [*COPIES, pickled])
-def test_what_holds_a_file_is_neither_copied_nor_pickled(clip, tmp_path, call):
+def test_objects_with_open_files_cannot_be_copied_or_pickled(clip, tmp_path, call):
     with open_source(clip) as source:
-        refuses(call, source)
-    refuses(call, open_results(tmp_path / "boxes.csv"))
-    refuses(call, VideoSink(tmp_path / "out.mp4", 25))
+        assert_refused(call, source)
+    assert_refused(call, open_results(tmp_path / "boxes.csv"))
+    assert_refused(call, VideoSink(tmp_path / "out.mp4", 25))

@@ -1,4 +1,4 @@
-"""The table of rooms of docs/explanation/architecture.md, held to the code."""
+"""The import rules of docs/explanation/architecture.md."""
 
 import subprocess
 import sys
@@ -7,14 +7,14 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 
 
-def test_rooms_only_use_rooms_above_them():
+def test_layers_only_import_lower_layers():
     lint = Path(sys.executable).parent / "lint-imports"
     done = subprocess.run([lint], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stdout
     assert "0 broken" in done.stdout
 
 
-def test_a_plain_import_is_light():
+def test_importing_ssiam_loads_no_heavy_packages():
     code = (
         "import sys, ssiam; print(sorted({'torch', 'openvino', 'av', 'rich'} & set(sys.modules)))"
     )
@@ -22,12 +22,12 @@ def test_a_plain_import_is_light():
     assert done.stdout.strip() == "[]"
 
 
-def test_a_plain_install_has_no_torch():
+def test_torch_is_an_optional_dependency():
     text = (ROOT / "pyproject.toml").read_text()
     assert "torch" not in text.split("[project.optional-dependencies]")[0].split("dependencies")[1]
 
 
-def test_openvino_does_not_report_home():
+def test_openvino_telemetry_is_off():
     code = (
         "import sys, ssiam.runtime.openvino, multiprocessing as m;"
         "print([n for n, v in sys.modules.items() if n.startswith('openvino_telemetry') and v],"

@@ -1,7 +1,7 @@
-"""Keep hold of a chosen object in video from a shaking, moving camera.
+"""Track a chosen object in video from a shaking, moving camera.
 
-The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera's
-motion, steady the frame, run an unchanged tracker on the steadied view, map the result back.
+The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera
+motion, stabilize the frame, run an unchanged tracker on the stabilized view, map the result back.
 
     tracker = ssiam.load_tracker()
     tracker.init(frame, (x, y, w, h))
@@ -20,7 +20,7 @@ from ssiam.errors import (
     WeightsError,
 )
 from ssiam.motion import CameraMotion, Motion
-from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
+from ssiam.stabilize import FrameView, PaperConfig, PredictConfig, Stabilizer, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import TRACKERS, SteadiedTracker, TrackerGroup, load_tracker
 
@@ -33,6 +33,8 @@ __all__ = [
     "FrameView",
     "MissingExtraError",
     "Motion",
+    "PaperConfig",
+    "PredictConfig",
     "SinkError",
     "SourceError",
     "SsiamError",

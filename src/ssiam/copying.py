@@ -1,4 +1,4 @@
-"""What copies and pickles of objects with a state are: a state of their own, or a refusal."""
+"""Base classes that define how stateful objects are copied and pickled, or refuse it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from ssiam.errors import CopyError
 Self_ = TypeVar("Self_")
 
 
-class CopiedWhole:
-    """Of objects that change as they are used: `copy.copy` is `copy.deepcopy`.
+class DeepCopied:
+    """For objects that change as they are used: `copy.copy` makes a deep copy.
 
-    A shallow copy would go on with the other's state, half of it.
+    A shallow copy would share a part of the state with the original.
     """
 
     def __copy__(self: Self_) -> Self_:
         return deepcopy(self)
 
 
-class NotPickled(CopiedWhole):
-    """Of objects that can be copied, by `copy`, but not be sent elsewhere.
+class NotPicklable(DeepCopied):
+    """For objects that can be copied by `copy`, but not pickled.
 
     Attributes
     ----------
-    _instead : str
+    _copy_hint : str
         What to do instead, for the message.
     """
 
-    _instead = "make one where it is needed"
+    _copy_hint = "make one where it is needed"
 
     def __deepcopy__(self: Self_, memo: dict[int, Any]) -> Self_:
         copied = object.__new__(type(self))
@@ -39,11 +39,11 @@ class NotPickled(CopiedWhole):
         return copied
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        raise CopyError(f"{type(self).__name__} cannot be pickled: {self._instead}")
+        raise CopyError(f"{type(self).__name__} cannot be pickled: {self._copy_hint}")
 
 
-class SharedByCopies(NotPickled):
-    """Of objects without a state: a copy is the object itself."""
+class SharedOnCopy(NotPicklable):
+    """For objects without state: a copy is the object itself."""
 
     def __copy__(self: Self_) -> Self_:
         return self
@@ -52,10 +52,10 @@ class SharedByCopies(NotPickled):
         return self
 
 
-class NotCopied:
-    """Of objects that hold what exists once, such as an open file: neither copied nor pickled."""
+class NotCopyable:
+    """For objects that hold a unique resource, such as an open file."""
 
-    _instead = "open another one"
+    _copy_hint = "open another one"
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
-        raise CopyError(f"{type(self).__name__} cannot be copied or pickled: {self._instead}")
+        raise CopyError(f"{type(self).__name__} cannot be copied or pickled: {self._copy_hint}")

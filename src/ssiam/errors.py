@@ -1,31 +1,31 @@
-"""The exceptions of ssiam: everything that it raises on purpose."""
+"""The exceptions that ssiam raises intentionally."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Final, TypeVar
 
-_LONGEST_TEXT: Final = 200  # characters of another package's message
+_MAX_LENGTH: Final = 200  # characters of another package's message
 
 
 class SsiamError(Exception):
-    """Base of all exceptions of this package; its text is one line written for the user."""
+    """Base of all exceptions of this package; the text is one line for the user."""
 
 
 class ArgumentError(SsiamError, ValueError):
-    """A value that cannot be used: an empty box, an unknown name, a negative limit."""
+    """An invalid value: an empty box, an unknown name, a negative limit."""
 
 
 class WeightsError(SsiamError):
-    """Weights that are missing, damaged or made for another network."""
+    """Weights that are missing, damaged or of another network."""
 
 
 class SourceError(SsiamError):
-    """A video source that cannot be opened, or that is not what its name promises."""
+    """A video source that cannot be opened, or is of another type than its name says."""
 
 
 class StreamError(SsiamError):
-    """A source that broke off after it had delivered frames; what came before is valid."""
+    """A source that ended early after some frames; the frames before are valid."""
 
 
 class SinkError(SsiamError):
@@ -37,7 +37,7 @@ class FrameSizeError(SsiamError):
 
 
 class CopyError(SsiamError, TypeError):
-    """An object that cannot be copied, or not be pickled."""
+    """An object that cannot be copied or pickled."""
 
 
 class MissingExtraError(SsiamError):
@@ -45,11 +45,21 @@ class MissingExtraError(SsiamError):
 
 
 class TrackingError(SsiamError):
-    """A tracker that failed on a frame; it may go on with the next one."""
+    """A tracker that failed on a frame; it may continue with the next one."""
 
 
 class IncompleteError(SsiamError):
-    """Work that ran to its end with parts missing; what was done is kept."""
+    """Work that finished with parts missing; the results are kept."""
+
+
+class DatasetError(SsiamError):
+    """A dataset that is missing, damaged or of another layout; the text names file or folder."""
+
+
+class UnknownSequenceError(DatasetError, KeyError):
+    """A sequence name that a dataset does not have."""
+
+    __str__ = Exception.__str__  # that of KeyError adds quotes
 
 
 class AnnotationsError(SsiamError):
@@ -60,17 +70,17 @@ Choice = TypeVar("Choice", bound=str)
 
 
 def one_line(error: BaseException) -> str:
-    """An error as one line for people: the text of a `SsiamError`, else its type and text."""
+    """An error as one line for the user: the text of a `SsiamError`, else its type and text."""
     text = " ".join(str(error).split())
     if isinstance(error, SsiamError):
         return text
-    if len(text) > _LONGEST_TEXT:
-        text = f"{text[:_LONGEST_TEXT]}..."
+    if len(text) > _MAX_LENGTH:
+        text = f"{text[:_MAX_LENGTH]}..."
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
-    """`value`, if it is one of the `known` names; else an `ArgumentError` that lists them."""
+    """Return `value` if it is one of the `known` names; else raise an `ArgumentError` with them."""
     for name in known:
         if name == value:
             return name

@@ -1,9 +1,9 @@
-"""Boxes, corners and masks, their overlap, and their way through 3×3 transforms.
+"""Boxes, corners, masks and 3×3 transforms.
 
-One convention for the whole package: pixels, x right, y down, 0-based; angles in radians,
-positive = clockwise on screen (x towards y). A transform is a (3, 3) float64 array named
-``to_from_from``: ``stab_from_raw @ (x, y, 1)`` takes a raw-frame point to the steadied frame.
-Boxes carry their layout in their name: ``xywh`` (left, top, width, height), ``corners`` (4, 2).
+Conventions of the whole package: pixels, x right, y down, 0-based; angles in radians, positive =
+clockwise on screen (x toward y). A transform is a (3, 3) float64 array named ``to_from_from``:
+``stab_from_raw @ (x, y, 1)`` maps a raw-frame point to the stabilized frame. Names of boxes end in
+their layout: ``xywh`` (left, top, width, height), ``corners`` (4, 2).
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ Points: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]
 XYWH: TypeAlias = tuple[float, float, float, float]
 
-_LARGEST_BOX = 2  # frame widths and heights
-_SHOWN: Final = 80  # characters of a value in a message
+_MAX_BOX: Final = 2  # frame widths and heights
+_MAX_REPR: Final = 80  # characters of a value in a message
 
 IDENTITY: Transform = np.eye(3)
 IDENTITY.flags.writeable = False
 
 
-def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
-    """Rotation by `angle` about `centre_xy`, followed by the shift (dx, dy).
+def rigid(dx: float, dy: float, angle: float, center_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
+    """Rotation by `angle` about `center_xy`, followed by the shift (dx, dy).
 
-    Eq. 7 of the paper with its sign misprint mended. `dx`, `dy` in pixels, `angle` in radians.
+    Eq. 7 of the paper with its sign misprint corrected. `dx`, `dy` in pixels, `angle` in radians.
     """
     cos, sin = math.cos(angle), math.sin(angle)
-    cx, cy = centre_xy
+    cx, cy = center_xy
     return np.array(
         [
             [cos, -sin, cx - cos * cx + sin * cy + dx],
@@ -48,29 +48,29 @@ def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0,
 
 
 def rigid_parameters(
-    to_from_from: Transform, centre_xy: Sequence[float]
+    to_from_from: Transform, center_xy: Sequence[float]
 ) -> tuple[float, float, float]:
-    """(dx, dy, angle) of a transform at `centre_xy`: the inverse of `rigid`, eq. 4 of the paper.
+    """(dx, dy, angle) of a transform at `center_xy`: the inverse of `rigid`, eq. 4 of the paper.
 
-    The shift is that of the centre itself. At the image origin a roll of half a degree would
-    show up as several pixels of shift in the middle of the picture. Of transforms with more
-    freedom, the angle is that of the nearest turn and zoom at the centre.
+    The shift is that of the center. At the image origin, half a degree of roll would read as
+    several pixels of shift. Of an affine transform or homography, the angle is that of the nearest
+    similarity at the center.
     """
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
-    x, y = centre_xy
+    x, y = center_xy
     weight = g * x + h * y + i
     new_x, new_y = (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
-    turn, zoom = d - b - g * new_y + h * new_x, a + e - g * new_x - h * new_y
-    return new_x - x, new_y - y, math.atan2(turn * weight, zoom * weight)
+    rotation, zoom = d - b - g * new_y + h * new_x, a + e - g * new_x - h * new_y
+    return new_x - x, new_y - y, math.atan2(rotation * weight, zoom * weight)
 
 
-def frame_centre(size_wh: tuple[int, int]) -> tuple[float, float]:
-    """Centre of a frame of (width, height) pixels, in pixel coordinates (pixel centres)."""
+def frame_center(size_wh: tuple[int, int]) -> tuple[float, float]:
+    """Center of a frame of (width, height) pixels; integers are pixel centers."""
     return (size_wh[0] - 1) / 2, (size_wh[1] - 1) / 2
 
 
 def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
-    """Points (N, 2) taken through a transform; float64, homogeneous division included."""
+    """Points (N, 2) mapped by a transform, with homogeneous division; float64."""
     xy = np.asarray(points, dtype=np.float64)
     mapped = xy @ to_from_from[:2, :2].T + to_from_from[:2, 2]
     weight = xy @ to_from_from[2, :2] + to_from_from[2, 2]
@@ -78,17 +78,17 @@ def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
 
 
 def map_point(to_from_from: Transform, x: float, y: float) -> tuple[float, float]:
-    """One point taken through a transform; ten times as fast as `map_points` for one."""
+    """One point mapped by a transform; ten times as fast as `map_points` for one point."""
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
     weight = g * x + h * y + i
     return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
 
 
 def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
-    """Upright box that follows a transform: its centre is mapped, its sides keep their length.
+    """Upright box mapped by a transform: its center is mapped, its sides are scaled.
 
-    Sides are scaled by the transform's local zoom (1 for a rigid one), so that there and back is
-    the identity; the bounding box of the turned corners would grow at every step.
+    The scale is the transform's local zoom (1 for a rigid one), so that a transform and its inverse
+    return the same box; the bounding box of the rotated corners would grow at every step.
     """
     x, y, w, h = map(float, xywh)
     x, y = x + w / 2, y + h / 2
@@ -98,7 +98,7 @@ def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
 
 
 def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
-    """Square root of the area that a unit square at `point_xy` covers after the transform."""
+    """Square root of the area of a unit square at `point_xy` after the transform."""
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
     x, y = point_xy
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -106,7 +106,7 @@ def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
 
 
 def map_mask(to_from_from: Transform, mask: NDArray[np.bool_], size_wh: tuple[int, int]) -> Any:
-    """Mask (H, W) bool seen in the target frame of (width, height) pixels; nearest pixel."""
+    """Mask (H, W) bool mapped to a frame of (width, height) pixels; nearest neighbor."""
     pixels, nearest = mask.view(np.uint8), cv2.INTER_NEAREST
     if np.array_equal(to_from_from[2], IDENTITY[2]):
         return cv2.warpAffine(pixels, to_from_from[:2], size_wh, flags=nearest).astype(np.bool_)
@@ -120,17 +120,16 @@ def corners_from_xywh(xywh: Sequence[float]) -> Points:
 
 
 def xywh_from_corners(corners: ArrayLike) -> XYWH:
-    """Upright box around corners (N, 2)."""
+    """Upright bounding box of corners (N, 2)."""
     xy = np.asarray(corners, dtype=np.float64)
     (left, top), (right, bottom) = xy.min(axis=0), xy.max(axis=0)
     return float(left), float(top), float(right - left), float(bottom - top)
 
 
 def area_preserving_xywh(corners: ArrayLike) -> XYWH:
-    """Upright box of a rotated one's centre and area, by which VOT trackers are initialised.
+    """Upright box with the center and area of a rotated box (4, 2), used to start VOT trackers.
 
-    The box is returned so that its pixel centre ``x + (w - 1) / 2`` is the mean of the corners,
-    as the reference trackers read it.
+    Its pixel center ``x + (w - 1) / 2`` is the mean of the corners, as in the reference trackers.
     """
     xy = np.asarray(corners, dtype=np.float64).reshape(4, 2)
     cx, cy = xy.mean(axis=0)
@@ -142,27 +141,36 @@ def area_preserving_xywh(corners: ArrayLike) -> XYWH:
 
 
 def iou(xywh: ArrayLike, other: ArrayLike) -> Points:
-    """Intersection over union (...) of boxes (..., 4) by area; nan where a box is not known."""
+    """Intersection over union (...) of boxes (..., 4) by area; nan where a box is nan."""
     a, b = np.asarray(xywh, dtype=np.float64), np.asarray(other, dtype=np.float64)
     low = np.maximum(a[..., :2], b[..., :2])
     high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
-    shared = np.maximum(high - low, 0).prod(axis=-1)
+    intersection = np.maximum(high - low, 0).prod(axis=-1)
     area, other_area = (np.maximum(box[..., 2:], 0).prod(axis=-1) for box in (a, b))
-    union = area + other_area - shared
-    return np.asarray(shared / np.where(union == 0, 1, union))
+    union = area + other_area - intersection
+    return np.asarray(intersection / np.where(union == 0, 1, union))
 
 
 def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
-    """The box as four floats, or `ValueError` that says what is wrong with it.
+    """Check a target box.
 
-    A usable box is finite, at least one pixel in both directions, overlaps the frame of
-    `size_wh` = (width, height) pixels, and is at most twice as wide and high as it: trackers
-    need memory in proportion to the box.
+    It must be finite, at least one pixel wide and high, overlap the frame of `size_wh` = (width,
+    height) pixels, and be at most twice as wide and high as it: trackers need memory in proportion
+    to the box.
+
+    Returns
+    -------
+    (x, y, w, h) floats
+
+    Raises
+    ------
+    ArgumentError
+        The box is not valid.
     """
-    values = four_numbers(xywh)
+    values = xywh_floats(xywh)
     x, y, w, h = values
     if not np.isfinite(values).all():
-        raise ArgumentError(f"box {values} holds a number that is not finite")
+        raise ArgumentError(f"box {values} has a number that is not finite")
     if w < 1 or h < 1:
         raise ArgumentError(
             f"box {values} is empty: width and height must be at least 1 pixel "
@@ -170,20 +178,23 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
         )
     width, height = size_wh
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
-        raise ArgumentError(f"box {values} lies outside of the frame of {width}x{height} pixels")
-    if w > _LARGEST_BOX * width or h > _LARGEST_BOX * height:
+        raise ArgumentError(f"box {values} is outside of the frame of {width}x{height} pixels")
+    if w > _MAX_BOX * width or h > _MAX_BOX * height:
         raise ArgumentError(
-            f"box {values} is more than {_LARGEST_BOX} times the frame of {width}x{height} pixels: "
+            f"box {values} is more than {_MAX_BOX} times the frame of {width}x{height} pixels: "
             "give a box of about the target's size"
         )
     return x, y, w, h
 
 
-def four_numbers(xywh: Any, name: str = "box") -> XYWH:
-    """x, y, width, height as floats, or an `ArgumentError` that calls them `name`.
+def xywh_floats(xywh: Any, name: str = "box") -> XYWH:
+    """x, y, width, height as floats.
 
-    Refused are text, sets and mappings, which are sequences of something else or have no order,
-    and everything that is not four single numbers.
+    Raises
+    ------
+    ArgumentError
+        It is not a sequence of four numbers; the message calls it `name`. Text, sets and mappings
+        are refused too.
     """
     values: list[float] | None = None
     if not isinstance(xywh, str | bytes | Set | Mapping):
@@ -191,11 +202,11 @@ def four_numbers(xywh: Any, name: str = "box") -> XYWH:
             values = [_number(value) for value in xywh]
     if values is None:
         raise ArgumentError(
-            f"{name} is {shortened(xywh)}: give four numbers, x, y, width, height in pixels"
+            f"{name} is {short_repr(xywh)}: give four numbers, x, y, width, height in pixels"
         )
     if len(values) != 4:
         raise ArgumentError(
-            f"{name} {shortened(xywh)} has {len(values)} numbers: "
+            f"{name} {short_repr(xywh)} has {len(values)} numbers: "
             "give x, y, width, height in pixels"
         )
     x, y, w, h = values
@@ -203,7 +214,7 @@ def four_numbers(xywh: Any, name: str = "box") -> XYWH:
 
 
 def finite_array(values: Any) -> NDArray[np.float64] | None:
-    """The numbers as a float64 array; None if they are ragged, text or not all finite."""
+    """Numbers as a float64 array; None if they are ragged, text or not all finite."""
     try:
         plain = np.asarray(values)
         if plain.dtype.kind not in "biuf":
@@ -215,17 +226,34 @@ def finite_array(values: Any) -> NDArray[np.float64] | None:
 
 
 def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[int, int]:
-    """Width and height of a frame, or an error that says what is wrong with it.
+    """Check a frame.
 
-    Raises `ArgumentError` unless it is a non-empty (H, W, 3) uint8 array, `FrameSizeError` unless
-    it has the `size_wh` (width, height in pixels) of the frames before it, if that is given.
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8 BGR
+    size_wh : (int, int), optional
+        Width and height of the frames before it, pixels.
+
+    Returns
+    -------
+    (int, int)
+        Width and height, pixels.
+
+    Raises
+    ------
+    ArgumentError
+        It is not a non-empty (H, W, 3) uint8 array.
+    FrameSizeError
+        Its size is not `size_wh`.
     """
     if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
         form = f"{frame.shape} {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame)
         raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
     height, width, channels = frame.shape
     if channels != 3 or frame.size == 0:
-        raise ArgumentError(f"a frame has 3 channels and some pixels, not the shape {frame.shape}")
+        raise ArgumentError(
+            f"a frame has 3 channels and at least one pixel, not the shape {frame.shape}"
+        )
     if size_wh not in (None, (width, height)):
         raise FrameSizeError(
             f"frame of {width}x{height} pixels after frames of "
@@ -234,10 +262,10 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     return width, height
 
 
-def shortened(value: Any) -> str:
-    """What a value looks like, in one line of at most 80 characters."""
+def short_repr(value: Any) -> str:
+    """The repr of a value in one line, cut after 80 characters."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    return text if len(text) <= _MAX_REPR else f"{text[:_MAX_REPR]}..."
 
 
 def _number(value: Any) -> float:

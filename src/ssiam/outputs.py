@@ -1,4 +1,4 @@
-"""Files that are written: never over an input, and whole or not at all."""
+"""Writing output files: never over an input, and atomically."""
 
 from __future__ import annotations
 
@@ -18,26 +18,25 @@ from typing import IO, Any, TypeAlias, TypeVar
 from ssiam.errors import ArgumentError, SinkError
 
 NamedPath: TypeAlias = tuple[str, Path]
-"""A file and its name in messages: an option ("--out") or what it is ("the source")."""
+"""A label for messages, such as "--out" or "the source", and a file."""
 
-Sink = TypeVar("Sink", bound="ClosedAtExit")
+Sink = TypeVar("Sink", bound="ClosedOnExit")
 
 _Identity: TypeAlias = tuple[object, ...]
 
 _STANDARD_STREAMS = (1, 2)  # descriptors of standard output and standard error
 
 
-def check_apart(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> None:
-    """Refuse outputs that are inputs, and two outputs that are one file; opens nothing.
+def check_distinct(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> None:
+    """Check that no output is an input and that all outputs are different files; opens nothing.
 
     Files and folders are compared by identity, so that other spellings, symbolic links, hard
-    links and a redirected standard output are seen. Devices and pipes hold nothing that could be
-    destroyed, and pass.
+    links and a redirected standard output are found. Devices and pipes are not checked.
 
     Raises
     ------
     ArgumentError
-        One line that names both.
+        Two of them are the same file; the message names both.
     """
     known: dict[_Identity, NamedPath] = {}
     for what, given in inputs:
@@ -58,25 +57,30 @@ def check_apart(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) -> No
 
 
 def _identity(path: Path) -> _Identity:
-    """What two paths of one file or folder have in common, and no others."""
+    """A value that is equal for paths of the same file or folder only."""
     try:
         found = path.stat()
-    except OSError:  # it does not exist: where symbolic links lead to
+    except OSError:  # it does not exist: compare the targets of symbolic links
         return (os.path.realpath(path),)
     is_device = not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode))
     return (object(),) if is_device else (found.st_dev, found.st_ino)
 
 
 def check_output(path: Path, *, overwrite: bool = True) -> None:
-    """Raise `SinkError` if `path` cannot be written; leaves what it holds as it is.
+    """Check that a file can be written; does not change it.
 
-    Folders are not created: a misspelt one should be seen, and before the work, not after.
+    Folders are not created, so that a misspelled one is reported before the work.
 
     Parameters
     ----------
     path : Path
     overwrite : bool
         Whether an existing file may be replaced. Pipes and devices are never replaced.
+
+    Raises
+    ------
+    SinkError
+        It cannot be written, or exists and must not be replaced.
     """
     try:
         if not path.parent.is_dir():
@@ -98,7 +102,7 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
 
 
 def is_stream(path: Path) -> bool:
-    """Whether `path` is a pipe, a device or this program's standard output, which has no part."""
+    """Whether `path` is a pipe, a device or this program's standard output or error."""
     try:
         found = path.stat()
     except OSError:
@@ -118,19 +122,41 @@ def _is_descriptor(found: os.stat_result, number: int) -> bool:
 def output_error(path: Path, error: Exception, part: Path | None = None) -> SinkError:
     """The `SinkError` for a failure of the operating system or of FFmpeg.
 
-    `part` is the file that holds what was written before, if there is one.
+    The only place that words this error: "FILE: cannot be written (reason)".
+
+    Parameters
+    ----------
+    path : Path
+        The output.
+    error : Exception
+    part : Path, optional
+        The file that has the content written before the failure.
     """
     reason = getattr(error, "strerror", None) or str(error)
     rest = "" if part is None else f"; what was written is in {part}"
     return SinkError(f"{path}: cannot be written ({reason}){rest}")
 
 
-class Part:
-    """The file ``NAME.part.EXT`` in which an output grows until it is whole, and gets its name.
+def make_folder(path: Path) -> None:
+    """Create a folder and its parents, unless it exists.
 
-    A part that another run left is not touched: the new one is then called ``NAME.part-2.EXT``.
-    The part lies beside the file that is to be replaced, also where the output is a symbolic link.
-    Pipes, devices and standard output have no part and are written directly.
+    Raises
+    ------
+    SinkError
+        It cannot be created.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+class PartFile:
+    """The file ``NAME.part.EXT`` to which an output is written until it is complete.
+
+    `finish` then renames it. Part files of other runs are not changed: the new one is then called
+    ``NAME.part-2.EXT``. The part file is beside the file that is replaced, also if the output is a
+    symbolic link. Pipes, devices and standard output have no part file and are written directly.
 
     Parameters
     ----------
@@ -139,26 +165,25 @@ class Part:
     overwrite : bool
         Whether `finish` may replace an existing file.
     hidden : bool
-        Call the part ``.NAME.EXT.part``, for files of a folder in which others look for files by
-        their suffix.
+        Call it ``.NAME.EXT.part``, for folders in which other programs search files by suffix.
 
     Attributes
     ----------
     path : Path
     file : Path
-        Where to write; an empty file that exists, or the pipe or device itself.
+        The file to write: an existing, empty file, or the pipe or device itself.
 
     Raises
     ------
     SinkError
-        The output cannot be written, or exists and is not to be replaced.
+        The output cannot be written, or exists and must not be replaced.
     """
 
     def __init__(self, path: Path, *, overwrite: bool = True, hidden: bool = False) -> None:
         check_output(path, overwrite=overwrite)
         self.path = path
         self._overwrite = overwrite
-        # None: there is nothing to rename, or no more.
+        # None if there is no file to rename, or not any more
         self._target = None if is_stream(path) else Path(os.path.realpath(path))
         try:
             self.file = path if self._target is None else _reserved(self._target, hidden=hidden)
@@ -168,7 +193,7 @@ class Part:
 
     @property
     def location(self) -> Path | None:
-        """Where the output is now: under its name, in its part, or nowhere if it was discarded."""
+        """The file that has the content now: the output, the part file, or None if discarded."""
         if self._discarded:
             return None
         if self._target is None:
@@ -176,18 +201,18 @@ class Part:
         return self.file if self.path.is_symlink() else self.path.with_name(self.file.name)
 
     def finish(self) -> None:
-        """Give the part the name of the output. May be called twice.
+        """Rename the part file to the output. May be called twice.
 
         Raises
         ------
         OSError
-            That is not possible; the part stays, and so does what had the name before.
+            That is not possible; the part file and an older output are kept.
         """
         if self._target is None:
             return
         with self.file.open("r+b") as file:
             os.fsync(file.fileno())
-        with suppress(OSError):  # there is none, or its mode cannot be given to another
+        with suppress(OSError):  # no older output, or its mode cannot be copied
             shutil.copymode(self._target, self.file)
         if self._overwrite:
             self.file.replace(self._target)
@@ -196,7 +221,7 @@ class Part:
         self._target = None
 
     def discard(self) -> None:
-        """Remove the part, of which nothing is needed; does nothing after `finish`."""
+        """Remove the part file; does nothing after `finish`."""
         if self._target is None:
             return
         self._target, self._discarded = None, True
@@ -204,19 +229,19 @@ class Part:
             self.file.unlink()
 
     def error(self, error: Exception) -> SinkError:
-        """The error for a failure to write; it names the part, if that holds anything."""
+        """The error for a failure to write; it names the part file unless that is empty."""
         with suppress(OSError):
             if self._target is not None and self.file.stat().st_size:
                 return output_error(self.path, error, self.location)
         return output_error(self.path, error)
 
 
-class ClosedAtExit(ABC):
-    """A context manager that closes itself at the end, also after Ctrl-C or an exception."""
+class ClosedOnExit(ABC):
+    """A context manager that closes itself on exit, also after Ctrl-C or an exception."""
 
     @abstractmethod
     def close(self) -> None:
-        """Finish what is written; `SinkError` if that cannot be done. May be called twice."""
+        """Finish the output; `SinkError` if that fails. May be called twice."""
 
     def __enter__(self: Sink) -> Sink:
         return self
@@ -230,13 +255,13 @@ class ClosedAtExit(ABC):
         if exc_type is None:
             self.close()
             return
-        # The exception on its way says more than what goes wrong because of it.
+        # The first exception is more informative than the errors that it causes.
         with suppress(SinkError):
             self.close()
 
 
-def left_parts(path: Path) -> list[Path]:
-    """Parts of the output `path` that runs which were killed, or are still going on, have left."""
+def leftover_parts(path: Path) -> list[Path]:
+    """Part files of the output `path`, left by runs that were killed or are still running."""
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
     try:
@@ -246,19 +271,30 @@ def left_parts(path: Path) -> list[Path]:
 
 
 @contextmanager
-def replaced(
+def atomic_write(
     path: Path, mode: str, *, overwrite: bool = True, hidden: bool = False
 ) -> Iterator[IO[Any]]:
-    """A file to be written as text ("w", UTF-8) or bytes ("wb"), which then becomes `path`.
+    """Write a file atomically: `path` gets the new content, or keeps the old one on any error.
 
-    `path` holds the new content or, whatever goes wrong, the old; the options are those of `Part`.
+    Parameters
+    ----------
+    path : Path
+    mode : {"w", "wb"}
+        Text (UTF-8) or bytes.
+    overwrite, hidden : bool
+        As for `PartFile`.
+
+    Yields
+    ------
+    file
+        Open for writing.
 
     Raises
     ------
     SinkError
-        It cannot be written, now or later.
+        It cannot be written, on entry or on exit.
     """
-    part = Part(path, overwrite=overwrite, hidden=hidden)
+    part = PartFile(path, overwrite=overwrite, hidden=hidden)
     is_text = "b" not in mode
     try:
         with part.file.open(
@@ -275,7 +311,7 @@ def replaced(
 
 
 def _reserved(target: Path, *, hidden: bool) -> Path:
-    """A new and empty file beside `target`, under the first name that is free."""
+    """A new, empty file beside `target`, under the first unused name."""
     for number in count(1):
         word = "part" if number == 1 else f"part-{number}"
         name = f".{target.name}.{word}" if hidden else f"{target.stem}.{word}{target.suffix}"
@@ -285,11 +321,11 @@ def _reserved(target: Path, *, hidden: bool) -> Path:
         except FileExistsError:
             continue
         return file
-    raise AssertionError("unreachable: the names do not end")
+    raise AssertionError("unreachable: the loop is infinite")
 
 
 def _rename(file: Path, target: Path) -> None:
-    """Give a file a name that must not exist; `FileExistsError` if it does."""
+    """Rename a file without replacing another one; `FileExistsError` if `target` exists."""
     try:
         os.link(file, target)
     except FileExistsError:

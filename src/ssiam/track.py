@@ -1,4 +1,4 @@
-"""`Track`: where a tracker believes its target to be in one frame."""
+"""`Track`: the result of a tracker for one frame."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ class Track:
     box : (x, y, w, h) floats
         Upright box, raw-frame pixels, 0-based.
     score : float
-        0..1, the probability that the box overlaps the target by more than half
+        0..1: confidence score, the probability that the IoU of the box with the target exceeds 0.5
         (`ssiam.trackers.confidence`); SiamFC, SiamRPN and SiamMask give their own score.
     lost : bool
-        The target is not in view, or nobody knows where: the box is a guess, not to be shown.
+        Whether the target is lost; the box is then a guess that should not be displayed.
     corners : (4, 2) float64 or None
         Rotated box of the mask trackers, raw-frame pixels.
     mask : (H, W) bool or None
         The target's pixels, for the mask trackers.
     motion : Motion or None
-        The camera's motion to this frame; None with ``stabilize="off"``.
+        Camera motion to this frame; None with ``stabilize="off"``.
     stab_from_raw : (3, 3) float64 or None
-        The steadying of this frame, M_t of eq. 7; None with ``stabilize="off"``.
+        Stabilization of this frame, M_t of eq. 7; None with ``stabilize="off"``.
     evidence : tuple of float
-        What the score was made of; which numbers these are is each tracker's own affair.
+        The numbers from which the score was computed; they differ between trackers.
     """
 
     box: XYWH
@@ -48,7 +48,7 @@ class Track:
     evidence: tuple[float, ...] = ()
 
     def mapped(self, to_from_from: Transform, size_wh: tuple[int, int]) -> Track:
-        """The same target seen in another frame of (width, height) pixels (eq. 9)."""
+        """The same target in another frame of (width, height) pixels (eq. 9)."""
         return replace(
             self,
             box=map_box(to_from_from, self.box),

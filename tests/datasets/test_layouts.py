@@ -1,4 +1,4 @@
-"""UAV123, DTB70, GOT-10k, LaSOT, and several layouts side by side, written and read back."""
+"""UAV123, DTB70, GOT-10k, LaSOT, and several layouts in one folder, written and read back."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from helpers.datasets_on_disk import (
     write_vot,
 )
 from ssiam.datasets import DatasetError, open_dataset
-from ssiam.datasets.lasot_split import TEST
-from ssiam.datasets.uav123_ranges import PARTS
+from ssiam.datasets.lasot import TEST_SPLIT
+from ssiam.datasets.uav123 import PARTS
 
 
 def test_uav123(tmp_path):
@@ -52,7 +52,7 @@ def test_uav123_versions(tmp_path):
     assert list(open_dataset(tmp_path).sequences) == ["car1"]
 
 
-def test_uav123_10fps_alone(tmp_path):
+def test_uav123_10fps_downloaded_alone(tmp_path):
     root = tmp_path / "UAV123_10fps"
     write_images(root / "data_seq" / "bird1", range(1, 600), 6)
     (root / "anno").mkdir()
@@ -108,12 +108,12 @@ def test_lasot(tmp_path):
     assert published.truth[2].tolist() == [0, 0, 0, 0]
 
 
-def test_whole_test_split_of_lasot_is_280():
-    assert len(TEST) == 70
-    assert all(len(set(numbers)) == 4 for numbers in TEST.values())
+def test_lasot_has_280_test_sequences():
+    assert len(TEST_SPLIT) == 70
+    assert all(len(set(numbers)) == 4 for numbers in TEST_SPLIT.values())
 
 
-def test_parts_of_uav123_follow_each_other():
+def test_parts_of_uav123_are_in_order_and_do_not_overlap():
     for name, (video, first, last) in PARTS.items():
         stem, _, number = name.rpartition("_")
         assert stem == video
@@ -121,7 +121,7 @@ def test_parts_of_uav123_follow_each_other():
         assert (before[2] if before else 1) <= first < last
 
 
-def test_mixed_layouts_side_by_side(tmp_path):
+def test_mixed_layouts_in_one_folder(tmp_path):
     write_otb(tmp_path, "David", range(300, 310), boxes(10))
     write_vot(tmp_path, "bag", polygon=True)
     alone = tmp_path / "uav123_boat7"

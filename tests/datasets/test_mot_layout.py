@@ -1,11 +1,11 @@
-"""MOTChallenge: every object a sequence that knows the others."""
+"""MOTChallenge: every object is a sequence, with the boxes of the others."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from helpers.dataset_refusals import answer
+from helpers.dataset_errors import error_line
 from helpers.datasets_on_disk import frame_numbers, write_images, write_mot, write_vot
 from ssiam.datasets import Shake, open_dataset, shaken
 
@@ -23,7 +23,7 @@ WALKERS = [
 NAN = [np.nan] * 4
 
 
-def test_every_object_is_a_sequence_that_knows_the_others(tmp_path):
+def test_every_object_is_a_sequence_with_the_boxes_of_the_others(tmp_path):
     write_mot(tmp_path, "street", WALKERS)
     dataset = open_dataset(tmp_path)
     assert (dataset.kind, list(dataset.sequences)) == ("mot", ["street-1", "street-2"])
@@ -39,14 +39,14 @@ def test_every_object_is_a_sequence_that_knows_the_others(tmp_path):
     assert one.size_wh == (12, 8)
 
 
-def test_what_is_never_in_the_same_frames_is_no_other(tmp_path):
+def test_objects_in_other_frames_are_left_out_of_others(tmp_path):
     rows = [(1, 1, 1, 1, 5, 6), (2, 2, 1, 1, 5, 6), (2, 3, 2, 1, 5, 6)]
     sequences = open_dataset(write_mot(tmp_path, "street", rows)).sequences
     assert not sequences["street-1"].others
     assert list(sequences["street-2"].others) == ["street-3"]
 
 
-def test_one_clip_and_splits_open_too(tmp_path):
+def test_a_clip_or_a_split_can_be_opened(tmp_path):
     for name in ("MOT17-02-FRCNN", "MOT17-04-FRCNN"):
         write_mot(tmp_path / "train", name, WALKERS)
     write_images(tmp_path / "test" / "MOT17-01-FRCNN" / "img1", range(1, 3), 6)
@@ -56,7 +56,7 @@ def test_one_clip_and_splits_open_too(tmp_path):
     assert list(one) == ["MOT17-04-FRCNN-1", "MOT17-04-FRCNN-2"]
 
 
-def test_it_lies_beside_other_layouts(tmp_path):
+def test_it_can_be_mixed_with_other_layouts(tmp_path):
     write_mot(tmp_path, "street", WALKERS)
     write_vot(tmp_path, "ants1")
     dataset = open_dataset(tmp_path)
@@ -65,7 +65,7 @@ def test_it_lies_beside_other_layouts(tmp_path):
     assert not dataset.sequences["ants1"].others
 
 
-def test_boxes_as_published_stay_1_based(tmp_path):
+def test_boxes_as_published_are_1_based(tmp_path):
     write_mot(tmp_path, "street", WALKERS)
     one = open_dataset(tmp_path, as_published=True).sequences["street-1"]
     assert one.box(0) == (1, 1, 5, 6)
@@ -73,15 +73,15 @@ def test_boxes_as_published_stay_1_based(tmp_path):
 
 COLUMNS = [
     ("world", [(1, 1, 1, 1, 5, 6, 1, 7.5, 12.0, -1)]),
-    ("own results", [(1, 1, 1, 1, 5, 6, 0.25, -1, -1, -1)]),
+    ("results", [(1, 1, 1, 1, 5, 6, 0.25, -1, -1, -1)]),
     ("no class", [(1, 1, 1, 1, 5, 6, 1, -1, -1)]),
-    ("boxes alone", [(1, 1, 1, 1, 5, 6)]),
-    ("no share in the last", [(1, 1, 1, 1, 5, 6, 1, 1, 0), (2, 1, 1, 1, 5, 6, 1, 1, 666.5)]),
+    ("only boxes", [(1, 1, 1, 1, 5, 6)]),
+    ("last column is not a share", [(1, 1, 1, 1, 5, 6, 1, 1, 0), (2, 1, 1, 1, 5, 6, 1, 1, 666.5)]),
 ]
 
 
 @pytest.mark.parametrize("rows", [c[1] for c in COLUMNS], ids=[c[0] for c in COLUMNS])
-def test_columns_that_tell_no_class_or_visibility(tmp_path, rows):
+def test_files_without_class_or_visibility(tmp_path, rows):
     write_mot(tmp_path, "street", rows, info=False)
     one = open_dataset(tmp_path).sequences["street-1"]
     assert len(one) == len(rows)
@@ -89,7 +89,7 @@ def test_columns_that_tell_no_class_or_visibility(tmp_path, rows):
     assert one.size_wh is None
 
 
-def test_images_without_numbers_count_in_their_order(tmp_path):
+def test_images_without_numbers_are_numbered_in_order(tmp_path):
     folder = write_mot(tmp_path, "street", WALKERS)
     for path in (folder / "img1").iterdir():
         path.rename(path.with_name(f"frame_{path.name}"))
@@ -97,7 +97,7 @@ def test_images_without_numbers_count_in_their_order(tmp_path):
     assert [path.name for path in two.frames] == [f"frame_00000{n}.jpg" for n in (2, 3, 4)]
 
 
-def test_the_image_folder_that_seqinfo_names(tmp_path):
+def test_seqinfo_names_the_image_folder(tmp_path):
     folder = write_mot(tmp_path, "street", WALKERS)
     (folder / "img1").rename(folder / "frames")
     info = folder / "seqinfo.ini"
@@ -105,7 +105,7 @@ def test_the_image_folder_that_seqinfo_names(tmp_path):
     assert len(open_dataset(tmp_path).sequences["street-1"]) == 3
 
 
-def test_a_shaking_camera_sees_the_others_where_it_sees_the_target(tmp_path):
+def test_shake_moves_the_others_with_the_target(tmp_path):
     rows = [(t, i, 3 * i, 3, 2, 3) for t in (1, 2, 3, 4) for i in (1, 2)]
     sequence = open_dataset(write_mot(tmp_path, "street", rows, info=False)).sequences["street-1"]
     shaking = shaken(sequence, Shake(0.05))
@@ -116,43 +116,43 @@ def test_a_shaking_camera_sees_the_others_where_it_sees_the_target(tmp_path):
     assert shaken(sequence, Shake(0)).others is sequence.others
 
 
-REFUSED = [
+DAMAGED = [
     ("words", "1,1,a,1,5,6\n", "could not convert string 'a'"),
     ("uneven", "1,1,1,1,5,6\n1,2,1,1,5\n", "number of columns changed"),
     ("few columns", "1,1,1,1,5\n", "has 5 columns"),
-    ("empty", "\n", "holds no box"),
+    ("empty", "\n", "has no boxes"),
     ("frame 0", "0,1,1,1,5,6\n", "box 1 is 0,1,1,1,5,6"),
-    ("half a frame", "1,1,1,1,5,6\n1.5,1,1,1,5,6\n", "box 2 is 1.5,1,1,1,5,6"),
+    ("fractional frame", "1,1,1,1,5,6\n1.5,1,1,1,5,6\n", "box 2 is 1.5,1,1,1,5,6"),
     ("infinite", "1,1,inf,1,5,6\n", "box 1 is 1,1,inf"),
     ("huge", "1e300,1,1,1,5,6\n", "box 1 is 1e"),
-    ("twice", "1,1,1,1,5,6\n1,1,2,1,5,6\n", "frame 1 has two boxes of the id 1"),
+    ("duplicate box", "1,1,1,1,5,6\n1,1,2,1,5,6\n", "frame 1 has two boxes of the id 1"),
     ("no image", "1,1,1,1,5,6\n9,1,1,1,5,6\n", "the images of 5 of them are missing, from 5 on"),
 ]
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED]
+    ("content", "message"), [r[1:] for r in DAMAGED], ids=[r[0] for r in DAMAGED]
 )
-def test_damaged_truth_is_told_in_one_line(tmp_path, content, message):
+def test_damaged_ground_truth_is_an_error_of_one_line(tmp_path, content, message):
     write_mot(tmp_path, "street", content)
-    assert message in answer(tmp_path)
+    assert message in error_line(tmp_path)
 
 
 INFOS = [
-    ("no ini", "\0\0", "is not an .ini file"),
-    ("outside", "[Sequence]\nimDir=../elsewhere\n", "does not lie inside"),
-    ("empty folder", "[Sequence]\nimDir=gt\n", "holds no images"),
+    ("not an ini file", "\0\0", "is not an .ini file"),
+    ("outside", "[Sequence]\nimDir=../elsewhere\n", "is not inside"),
+    ("empty folder", "[Sequence]\nimDir=gt\n", "has no images"),
 ]
 
 
 @pytest.mark.parametrize(("info", "message"), [r[1:] for r in INFOS], ids=[r[0] for r in INFOS])
-def test_damaged_seqinfo_is_told_in_one_line(tmp_path, info, message):
+def test_damaged_seqinfo_is_an_error_of_one_line(tmp_path, info, message):
     folder = write_mot(tmp_path, "street", WALKERS)
     (folder / "seqinfo.ini").write_text(info)
-    assert message in answer(tmp_path)
+    assert message in error_line(tmp_path)
 
 
-def test_clips_that_were_held_out_of_training(shared):
+def test_validation_clips(shared):
     dataset = open_dataset(shared("data/mot"))
     assert (dataset.kind, len(dataset)) == ("mot", 52)
     for name in ("TUD-Campus-8", "PETS09-S3-MF1-7", "urban-intersection-24"):

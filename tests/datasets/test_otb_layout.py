@@ -1,4 +1,4 @@
-"""OTB's folders, written to disk and read back."""
+"""OTB folders, written to disk and read back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from helpers.datasets_on_disk import boxes, frame_numbers, only, text, write_otb
 from ssiam.datasets import open_dataset
 
-# Name, images on disk, rows in the file, images that are used, and the first row's number.
+# Name, images on disk, rows in the file, used images, and number of the first row.
 OTB_RANGES = [
     ("David", range(1, 771), 471, range(300, 771), 1),
     ("David", range(300, 771), 471, range(300, 771), 1),
@@ -28,7 +28,7 @@ OTB_RANGES = [
 
 
 @pytest.mark.parametrize(("name", "images", "rows", "used", "first_row"), OTB_RANGES)
-def test_otb_frames_are_chosen_by_number(tmp_path, name, images, rows, used, first_row):
+def test_frames_are_selected_by_number(tmp_path, name, images, rows, used, first_row):
     folder = write_otb(tmp_path, name, images, boxes(rows))
     sequence = only(open_dataset(folder))
     assert frame_numbers(sequence) == list(used)
@@ -37,7 +37,7 @@ def test_otb_frames_are_chosen_by_number(tmp_path, name, images, rows, used, fir
 
 
 @pytest.mark.parametrize("separator", [",", "\t", " "])
-def test_otb_boxes_become_0_based_unless_as_published(tmp_path, separator):
+def test_boxes_become_0_based_unless_as_published(tmp_path, separator):
     rows = [*boxes(2), (0, 0, 0, 0)]
     folder = write_otb(tmp_path, "Walking", range(1, 4), rows, separator=separator)
     sequence = only(open_dataset(folder))
@@ -47,7 +47,7 @@ def test_otb_boxes_become_0_based_unless_as_published(tmp_path, separator):
     assert np.array_equal(published.truth, rows)
 
 
-def test_otb_folders_with_two_targets(tmp_path):
+def test_folders_with_two_targets(tmp_path):
     for name in ("Jogging", "Skating2", "Human4"):
         write_otb(tmp_path, name, range(1, 4), boxes(3), file="groundtruth_rect.2.txt")
         (tmp_path / name / "groundtruth_rect.1.txt").write_text(text(boxes(3, first=7)))
@@ -74,7 +74,7 @@ def test_otb_folders_with_two_targets(tmp_path):
     ]
 
 
-def test_otb_with_the_copies_that_pysot_asks_for(tmp_path):
+def test_copies_of_folders_as_used_by_pysot(tmp_path):
     for name in ("Jogging", "Jogging-1", "Jogging.2"):
         write_otb(tmp_path, name, range(1, 4), boxes(3), file="groundtruth_rect.2.txt")
         (tmp_path / name / "groundtruth_rect.1.txt").write_text(text(boxes(3, first=7)))

@@ -1,4 +1,4 @@
-"""`Shake`: its paths measured, and the values it refuses."""
+"""`Shake`: statistics of its paths, and invalid values."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import sys
 import numpy as np
 import pytest
 
-from helpers.shake_inputs import SIZE, STRENGTH
+from helpers.shake_clips import SIZE, STRENGTH
 from ssiam.datasets import SHAKE_KINDS, Shake, camera_path
 from ssiam.errors import ArgumentError
-from ssiam.geometry import frame_centre, local_zoom, rigid_parameters
+from ssiam.geometry import frame_center, local_zoom, rigid_parameters
 
 
 def shifts_angles_zooms(shake, count, size_wh=SIZE, name=""):
     """(N, 4): dx and dy in widths, angle, log zoom."""
     found = []
     for pose in camera_path(shake, count, size_wh, name):
-        dx, dy, angle = rigid_parameters(pose, frame_centre(size_wh))
-        zoom = local_zoom(pose, frame_centre(size_wh))
+        dx, dy, angle = rigid_parameters(pose, frame_center(size_wh))
+        zoom = local_zoom(pose, frame_center(size_wh))
         found.append((dx / size_wh[0], dy / size_wh[0], angle, np.log(zoom)))
     return np.array(found)
 
@@ -38,15 +38,15 @@ DEVIATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "wanted"), DEVIATIONS, ids=[row[0] for row in DEVIATIONS])
-def test_strength_is_the_standard_deviation(kind, wanted):
+@pytest.mark.parametrize(("kind", "expected"), DEVIATIONS, ids=[row[0] for row in DEVIATIONS])
+def test_strength_is_the_standard_deviation(kind, expected):
     found = [shifts_angles_zooms(Shake(STRENGTH, kind, seed), 4000) for seed in range(3)]
     found = np.concatenate(found).std(axis=0)
-    assert found == pytest.approx(wanted, rel=0.1, abs=1e-9)
+    assert found == pytest.approx(expected, rel=0.1, abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", SHAKE_KINDS)
-def test_a_path_repeats_and_scales_and_depends_on_seed_and_name(kind):
+def test_a_path_is_reproducible_scales_and_depends_on_seed_and_name(kind):
     path = shifts_angles_zooms(Shake(STRENGTH, kind, 4), 60, name="a")
     assert np.array_equal(path, shifts_angles_zooms(Shake(STRENGTH, kind, 4), 60, name="a"))
     assert 2 * path == pytest.approx(
@@ -60,12 +60,12 @@ def test_a_path_repeats_and_scales_and_depends_on_seed_and_name(kind):
 
 
 def test_a_path_is_the_same_in_another_process():
-    """Python's own hash of a name is not."""
+    """Python's hash of a string is not."""
     code = (
         "from ssiam.datasets import Shake, camera_path;"
         "print(camera_path(Shake(0.03, 'gusts'), 5, (320, 240), 'walk').tobytes().hex())"
     )
-    told = [
+    outputs = [
         subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
@@ -75,10 +75,10 @@ def test_a_path_is_the_same_in_another_process():
         ).stdout
         for seed in ("1", "2")
     ]
-    assert told[0] == told[1]
+    assert outputs[0] == outputs[1]
 
 
-def test_kinds_are_told_apart_by_their_speed():
+def test_kinds_differ_in_speed():
     """Steps from frame to frame, in standard deviations of the path."""
 
     def speed(kind):
@@ -107,8 +107,8 @@ def test_a_shake_is_a_value():
     assert Shake(0.01).label == "white-0.01-seed0"
 
 
-REFUSED = [
-    # name, fields, words of the message
+INVALID = [
+    # name, fields, message
     ("percent", {"strength": 3}, "strength of shake 3: give a share from 0 to 1"),
     ("negative", {"strength": -0.01}, "strength of shake -0.01"),
     ("nan", {"strength": float("nan")}, "strength of shake nan"),
@@ -121,13 +121,13 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(
-    ("values", "message"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
+    ("values", "message"), [row[1:] for row in INVALID], ids=[row[0] for row in INVALID]
 )
-def test_values_out_of_range_are_refused(values, message):
+def test_invalid_values_are_refused(values, message):
     with pytest.raises(ArgumentError, match=message):
         Shake(**values)
 
 
-def test_a_window_that_would_be_nothing_is_refused():
+def test_cropping_the_whole_frame_is_refused():
     with pytest.raises(ArgumentError, match="leaves nothing of 320x240 pixels"):
         camera_path(Shake(0.2, border="crop"), 5, SIZE)

@@ -1,4 +1,4 @@
-"""The truth of shaken clips, held to their pictures and to the path."""
+"""Ground truth of shaken clips, compared with their frames and with the path."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from helpers.datasets_on_disk import boxes, write_otb
-from helpers.shake_inputs import BLOB, SIZE, STRENGTH, blob_clip, blob_picture, sequence
+from helpers.shake_clips import BLOB, SIZE, STRENGTH, blob_clip, blob_image, sequence
 from ssiam.datasets import (
     SHAKE_KINDS,
     Dataset,
-    Sequence,
     Shake,
+    VideoSequence,
     camera_path,
     open_dataset,
     shaken,
@@ -24,13 +24,13 @@ from ssiam.geometry import local_zoom, map_points
 
 
 def centroid(image):
-    light = image[..., 0].astype(np.float64)
-    y, x = np.mgrid[: light.shape[0], : light.shape[1]]
-    return np.array([(x * light).sum(), (y * light).sum()]) / light.sum()
+    intensity = image[..., 0].astype(np.float64)
+    y, x = np.mgrid[: intensity.shape[0], : intensity.shape[1]]
+    return np.array([(x * intensity).sum(), (y * intensity).sum()]) / intensity.sum()
 
 
-SEEN = [
-    # name, what is not as by default
+SETTINGS = [
+    # name, values that are not the default
     ("reflect", {}),
     ("crop", {"border": "crop"}),
     ("blur", {"exposure": 0.6}),
@@ -40,17 +40,17 @@ SEEN = [
 
 
 @pytest.mark.parametrize("polygon", [False, True], ids=["box", "polygon"])
-@pytest.mark.parametrize("settings", [row[1] for row in SEEN], ids=[row[0] for row in SEEN])
+@pytest.mark.parametrize("settings", [row[1] for row in SETTINGS], ids=[row[0] for row in SETTINGS])
 @pytest.mark.parametrize("kind", SHAKE_KINDS)
-def test_the_target_is_where_the_truth_says(tmp_path, kind, settings, polygon):
+def test_the_ground_truth_is_the_position_of_the_target(tmp_path, kind, settings, polygon):
     clip = shaken(blob_clip(tmp_path, polygon=polygon), Shake(STRENGTH, kind, **settings))
     for image, row in zip(clip.images(), clip.truth, strict=True):
         assert image.shape[1::-1] == clip.size_wh
-        centre = row.reshape(4, 2).mean(axis=0) if polygon else row[:2] + row[2:] / 2
-        assert np.linalg.norm(centroid(image) - centre) < 0.2
+        center = row.reshape(4, 2).mean(axis=0) if polygon else row[:2] + row[2:] / 2
+        assert np.linalg.norm(centroid(image) - center) < 0.2
 
 
-def test_without_readout_the_truth_is_the_path(tmp_path):
+def test_with_a_global_shutter_the_ground_truth_follows_the_path(tmp_path):
     shake = Shake(STRENGTH, "zoom", exposure=0.5)
     clip = shaken(blob_clip(tmp_path), shake)
     path = camera_path(shake, len(clip), SIZE, clip.name)
@@ -60,13 +60,13 @@ def test_without_readout_the_truth_is_the_path(tmp_path):
         assert (w, h) == pytest.approx(20 * local_zoom(pose, BLOB) * np.array([1, 0.8]))
 
 
-def test_what_is_not_told_stays_untold(tmp_path):
+def test_unknown_boxes_stay_unknown(tmp_path):
     truth = np.tile([100.0, 80, 30, 20], (6, 1))
     truth[[1, 4]] = np.nan
-    clip = shaken(sequence(tmp_path, blob_picture(), 6, truth), Shake(STRENGTH))
+    clip = shaken(sequence(tmp_path, blob_image(), 6, truth), Shake(STRENGTH))
     assert np.isnan(clip.truth).all(axis=1).tolist() == [False, True, False, False, True, False]
-    nothing = np.full((6, 8), np.nan)
-    clip = shaken(replace(clip.raw, truth=nothing), Shake(STRENGTH, readout=0.5))
+    unknown = np.full((6, 8), np.nan)
+    clip = shaken(replace(clip.raw, truth=unknown), Shake(STRENGTH, readout=0.5))
     assert np.isnan(clip.truth).all()
     assert clip.truth.shape == (6, 8)
     first_only = shaken(replace(clip.raw, truth=truth[:1]), Shake(STRENGTH))
@@ -74,18 +74,20 @@ def test_what_is_not_told_stays_untold(tmp_path):
 
 
 @pytest.mark.parametrize("polygon", [False, True], ids=["box", "polygon"])
-def test_a_target_that_has_left_the_picture_is_not_told(tmp_path, polygon):
+def test_a_target_outside_of_the_frame_has_no_box(tmp_path, polygon):
     row = [0, 100, 4, 100, 4, 104, 0, 104] if polygon else [0, 100, 4, 4]
-    raw = sequence(tmp_path, blob_picture(), 40, [row] * 40)
+    raw = sequence(tmp_path, blob_image(), 40, [row] * 40)
     clip = shaken(raw, Shake(STRENGTH))
-    told = np.isfinite(clip.truth).all(axis=1)
-    seen = map_points(np.eye(3), [map_points(pose, [(2, 102)])[0] for pose in clip.shaken_from_raw])
-    assert 5 < told.sum() < 35
-    assert (seen[told, 0] > -3.5).all()
-    assert (seen[~told, 0] < -1.5).all()
+    known = np.isfinite(clip.truth).all(axis=1)
+    positions = map_points(
+        np.eye(3), [map_points(pose, [(2, 102)])[0] for pose in clip.shaken_from_raw]
+    )
+    assert 5 < known.sum() < 35
+    assert (positions[known, 0] > -3.5).all()
+    assert (positions[~known, 0] < -1.5).all()
 
 
-def test_a_dataset_is_shaken_when_it_is_read(tmp_path):
+def test_a_dataset_is_shaken_at_lookup(tmp_path):
     for name in ("Walking", "Running"):
         write_otb(tmp_path, name, range(1, 4), boxes(3))
     (tmp_path / "Running" / "img" / "0001.jpg").write_bytes(b"")
@@ -100,7 +102,7 @@ def test_a_dataset_is_shaken_when_it_is_read(tmp_path):
         dataset.sequences["Running"]
 
 
-def test_where_the_size_is_told_no_image_is_opened(tmp_path):
-    raw = Sequence("s", (tmp_path / "absent.png",) * 3, boxes(3), size_wh=SIZE)
+def test_with_a_known_size_no_image_is_opened(tmp_path):
+    raw = VideoSequence("s", (tmp_path / "missing.png",) * 3, boxes(3), size_wh=SIZE)
     dataset = shaken_dataset(Dataset("d", "pysot", {"s": raw}), Shake(STRENGTH))
     assert dataset.sequences["s"].truth.shape == (3, 4)

@@ -1,4 +1,4 @@
-"""VOT's folders and pysot's file of them, written to disk and read back."""
+"""VOT folders and the JSON file of pysot, written to disk and read back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from helpers.datasets_on_disk import boxes, number_in, only, write_images, write_vot
 from ssiam.datasets import open_dataset
 
-VOT_FORMS = [
+VOT_LAYOUTS = [
     ("classic rectangles", {}, 4, None),
     ("classic polygons", {"polygon": True}, 8, None),
     ("toolkit rectangles", {"toolkit": True}, 4, (12, 8)),
@@ -19,7 +19,7 @@ VOT_FORMS = [
 
 
 @pytest.mark.parametrize(
-    ("form", "columns", "size_wh"), [r[1:] for r in VOT_FORMS], ids=[r[0] for r in VOT_FORMS]
+    ("form", "columns", "size_wh"), [r[1:] for r in VOT_LAYOUTS], ids=[r[0] for r in VOT_LAYOUTS]
 )
 def test_vot(tmp_path, form, columns, size_wh):
     tags = {"camera_motion.tag": (1, 0, 1), "occlusion.label": (0, 1), "empty.tag": ()}
@@ -39,8 +39,8 @@ def test_vot(tmp_path, form, columns, size_wh):
     }
     assert [number_in(image) for image in sequence.images()] == [1, 2, 3]
     x, y, w, h = sequence.box(1)
-    grown = 1 if columns == 8 else 0
-    assert (x + (w - grown) / 2, y + (h - grown) / 2) == (2 + 2.5, 20 + 3)
+    extra = 1 if columns == 8 else 0
+    assert (x + (w - extra) / 2, y + (h - extra) / 2) == (2 + 2.5, 20 + 3)
 
 
 def _record(name, count, **more):
@@ -60,8 +60,8 @@ def _record(name, count, **more):
 def test_pysot_without_images(tmp_path):
     path = tmp_path / "VOT2018.json"
     path.write_text(json.dumps({"ants1": _record("ants1", 3), "bag": _record("bag", 2)}))
-    for place in (path, tmp_path):
-        dataset = open_dataset(place)
+    for source in (path, tmp_path):
+        dataset = open_dataset(source)
         assert (dataset.kind, list(dataset.sequences)) == ("pysot", ["ants1", "bag"])
     assert open_dataset(path).name == "VOT2018"
     sequence = dataset.sequences["ants1"]

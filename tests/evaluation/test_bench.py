@@ -100,7 +100,7 @@ def test_a_sequence_that_cannot_be_read_stops_no_other(tmp_path):
 
 
 def test_labels_tell_what_was_changed():
-    config = StabilizerConfig("paper", keypoints="gftt", thx1=80.0)
+    config = StabilizerConfig("paper").with_options(keypoints="gftt", thx1=80.0)
     assert Entry("kcf", config).label == "kcf-paper-keypoints=gftt-thx1=80.0"
     assert [entry.label for entry in entries(["mil"], ["off", "paper"], {})] == [
         "mil-off",

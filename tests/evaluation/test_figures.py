@@ -7,7 +7,7 @@ import pytest
 from helpers.benched import bench, write_run, write_vot_year
 from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import generator, poses, seen, world
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import MissingExtraError
 from ssiam.evaluation.differing import Differing, most_differing
 from ssiam.evaluation.entries import Entry
@@ -46,7 +46,7 @@ def test_the_path_is_the_known_one(tmp_path):
     for index, pose in enumerate(poses(shifts, size)):
         cv2.imwrite(str(tmp_path / f"{index:02}.png"), seen(world(1, size), pose))
     images = tuple(sorted(tmp_path.glob("*.png")))
-    path, smooth, known = camera_path(Sequence("s", images, np.full((20, 4), np.nan)), PAPER)
+    path, smooth, known = camera_path(VideoSequence("s", images, np.full((20, 4), np.nan)), PAPER)
     assert known.all()
     assert np.abs(path - (shifts - shifts[0]))[:, :2].max() < 1
     assert np.abs(path - (shifts - shifts[0]))[:, 2].max() < 0.003

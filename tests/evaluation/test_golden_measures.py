@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.benchmark_runs import golden_runs, tracked
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation import pysot, vot_toolkit
 from ssiam.evaluation.eao import INTERVALS, Interval
 from ssiam.evaluation.overlap import vot_overlap
@@ -41,7 +41,7 @@ def test_accuracy_counts_a_column_at_the_border_that_eao_leaves_out():
     truth, boxes = (np.tile([300.0, 100.0, w, 50.0], (12, 1)) for w in (40.0, 10.0))
     status = np.full(12, Status.TRACKED, np.int8)
     status[0], boxes[0] = Status.INITIALIZED, np.nan
-    sequence = Sequence("border", (), truth, size_wh=(320, 240))
+    sequence = VideoSequence("border", (), truth, size_wh=(320, 240))
     measured = pysot.measured(TrackedSequence(sequence, (Trajectory(status, boxes),)))
     assert measured.overlaps[0].accuracy[11] == pytest.approx(11 / 21)
     assert measured.overlaps[0].eao[11] == pytest.approx(11 / 20)

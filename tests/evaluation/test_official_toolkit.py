@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation import vot_toolkit
 from ssiam.evaluation.eao import Interval
 from ssiam.evaluation.overlap import toolkit_overlap
@@ -90,7 +90,7 @@ def test_scores_of_a_whole_workspace_are_equal(shared, tmp_path):
     document = json.loads((tmp_path / "analysis" / "all.json").read_text())
     averages, _, _, eao, _ = document["results"]["baseline"]["results"]
     sequences = [
-        Sequence(
+        VideoSequence(
             path.name, (), np.loadtxt(path / "groundtruth.txt", delimiter=","), size_wh=(320, 240)
         )
         for path in sorted(p for p in (tmp_path / "sequences").iterdir() if p.is_dir())

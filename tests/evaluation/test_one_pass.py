@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.layouts import vot_path, write_vot
 from ssiam.evaluation.one_pass import one_pass
 from ssiam.evaluation.regions import upright
@@ -26,7 +26,9 @@ def leaning(x):
 
 def test_rotated_boxes_are_measured_by_the_box_of_their_area(tmp_path):
     truth = np.array([leaning(60 + 2 * t) for t in range(COUNT)])
-    sequence = Sequence(name="bolt", frames=tuple(f"{t}.jpg" for t in range(COUNT)), truth=truth)
+    sequence = VideoSequence(
+        name="bolt", frames=tuple(f"{t}.jpg" for t in range(COUNT)), truth=truth
+    )
     status = np.full(COUNT, Status.TRACKED, dtype=np.int8)
     status[0] = Status.INITIALIZED
     path = vot_path(tmp_path, "bolt", experiment="unsupervised")

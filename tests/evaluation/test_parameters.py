@@ -49,9 +49,11 @@ def test_what_is_no_parameter_is_told(text, named):
 
 
 def test_thresholds_of_y_are_tied_unless_searched():
-    assert configured({"thx1": 80.0}) == StabilizerConfig("paper", thx1=80.0, thy1=40.0)
+    assert configured({"thx1": 80.0}) == StabilizerConfig("paper").with_options(
+        thx1=80.0, thy1=40.0
+    )
     free = configured({"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
-    assert (free.thx1, free.thy1, free.tha) == (80, 9, 0.3)
+    assert (free.paper.thx1, free.paper.thy1, free.paper.tha) == (80, 9, 0.3)
 
 
 def test_the_papers_numbers_are_among_the_default_parameters():
@@ -62,5 +64,5 @@ def test_the_papers_numbers_are_among_the_default_parameters():
 
 def test_flags_name_what_differs_from_the_paper():
     assert track_flags(StabilizerConfig("paper")) == "--stabilize paper"
-    config = StabilizerConfig("paper", keypoints="direct", thx1=80.0)
+    config = StabilizerConfig("paper").with_options(keypoints="direct", thx1=80.0)
     assert track_flags(config) == "--stabilize paper --keypoints direct --thx1 80.0"

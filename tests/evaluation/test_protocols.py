@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.errors import SourceError
 from ssiam.evaluation.protocols import Clocked, run
 from ssiam.evaluation.trajectory import Status
@@ -30,7 +30,7 @@ class Scripted:
         return Track(box, corners=self._corners)
 
 
-class Numbered(Sequence):
+class Numbered(VideoSequence):
     """A sequence whose frames carry their number in their first pixel."""
 
     def images(self, start=0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.benchmark_runs import SIZE, golden_runs, square, tracked, trajectory
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation import pysot
 from ssiam.evaluation.eao import INTERVALS, Fragment, Interval, expected_overlap, interval_of
@@ -70,7 +70,7 @@ def test_repetitions_count_as_one_run():
 def test_repetitions_that_differ_are_averaged():
     truth = square(30)
     runs = tuple(trajectory(c + 24 * "t", truth, 1.0) for c in ("it" + 4 * "t", "ix----"))
-    sequence = Sequence("one", (), truth, size_wh=SIZE)
+    sequence = VideoSequence("one", (), truth, size_wh=SIZE)
     found = scores(TrackedSequence(sequence, runs))
     assert (found.lost, found.robustness, found.frames) == (0.5, pytest.approx(50 / 30), 30)
 
@@ -99,7 +99,7 @@ def test_too_short_for_the_interval():
 
 
 def test_the_size_of_the_frames_must_be_known():
-    sequence = Sequence("bag", (), square(5))
+    sequence = VideoSequence("bag", (), square(5))
     with pytest.raises(ArgumentError, match="bag: the dataset does not tell the size"):
         pysot.measured(TrackedSequence(sequence, (trajectory("itttt", square(5)),)))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation import protocols
 from ssiam.evaluation.protocols import Clocked, run
 from ssiam.track import Track
@@ -32,7 +32,7 @@ class Timed:
         return Track(self._box)
 
 
-class Numbered(Sequence):
+class Numbered(VideoSequence):
     """A sequence whose frames carry their index in their pixels."""
 
     def images(self, start=0):

@@ -21,7 +21,7 @@ from ssiam.evaluation.tracked import read_results
 from ssiam.stabilize import StabilizerConfig
 
 OFF, PAPER = (Entry("kcf", StabilizerConfig(method)) for method in ("off", "paper"))
-WIDE = Entry("kcf", StabilizerConfig("paper", thx1=80.0, thy1=40.0))
+WIDE = Entry("kcf", StabilizerConfig("paper").with_options(thx1=80.0, thy1=40.0))
 GFTT = Entry("kcf", StabilizerConfig("paper", keypoints="gftt"))
 
 

@@ -33,8 +33,8 @@ def test_trials_are_counted_and_the_first_has_the_papers_numbers(undisturbed):
     assert undisturbed[0].config == StabilizerConfig("paper")
     assert len({each.config for each in undisturbed}) == 5
     for each in undisturbed:
-        assert each.config.thy2 == each.config.thx2 / 2
-        assert each.config.thx1 == 60
+        assert each.config.paper.thy2 == each.config.paper.thx2 / 2
+        assert each.config.paper.thx1 == 60
 
 
 def test_a_fresh_search_repeats(dataset, tmp_path, undisturbed):
@@ -89,14 +89,14 @@ def test_what_is_best_is_found(dataset, tmp_path, monkeypatch):
     """Where only THx1 counts, and 90 is best."""
 
     def told(todo, jobs=1):
-        distance = abs(todo[0].entry.config.thx1 - 90)
+        distance = abs(todo[0].entry.config.paper.thx1 - 90)
         yield Done("kcf", "clip0", 10, int(distance // 10), 1 / (1 + distance))
 
     monkeypatch.setattr(tuning, "run_all", told)
     searched = (Parameter.parse("thx1=20:120"),)
     best = min(tune(Search(dataset, ("kcf",), searched, tmp_path), 30), key=lambda t: t.cost)
-    assert abs(best.config.thx1 - 90) <= 5
-    assert best.config.thy1 == best.config.thx1 / 2
+    assert abs(best.config.paper.thx1 - 90) <= 5
+    assert best.config.paper.thy1 == best.config.paper.thx1 / 2
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.benchmark_runs import SIZE, square, tracked
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation import vot_toolkit
 from ssiam.evaluation.eao import Interval
 from ssiam.evaluation.tracked import TrackedSequence
@@ -30,7 +30,7 @@ def test_rectangles_lose_against_polygons():
     boxes = np.hstack([truth[:, :2], np.full((30, 2), 40.0)])
     status = np.array([Status.INITIALIZED] + 29 * [Status.TRACKED], np.int8)
     run = Trajectory(status, np.where(status[:, None] == Status.TRACKED, boxes, np.nan))
-    found = scores(TrackedSequence(Sequence("one", (), truth, size_wh=SIZE), (run,)))
+    found = scores(TrackedSequence(VideoSequence("one", (), truth, size_wh=SIZE), (run,)))
     assert found.accuracy == pytest.approx(40**2 / 41**2)
 
 

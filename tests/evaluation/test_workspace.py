@@ -7,8 +7,7 @@ import sys
 import pytest
 import yaml
 
-from ssiam.datasets.errors import DatasetError
-from ssiam.errors import ArgumentError, SinkError
+from ssiam.errors import ArgumentError, DatasetError, SinkError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.workspace import write_workspace
 from ssiam.evaluation.workspace_stack import interval_for

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.tracked import TrackedSequence
 from ssiam.evaluation.trajectory import Status, Trajectory
 
@@ -26,7 +26,7 @@ def trajectory(codes, truth, shift=0.0):
 def tracked(codes, name="one", shift=0.0, tags=None, repetitions=1, length=None):
     """A `TrackedSequence` of `square`, of the length of the codes."""
     truth = square(length or len(codes))
-    sequence = Sequence(name, (), truth, tags=tags or {}, size_wh=SIZE)
+    sequence = VideoSequence(name, (), truth, tags=tags or {}, size_wh=SIZE)
     return TrackedSequence(sequence, (trajectory(codes, truth, shift),) * repetitions)
 
 
@@ -43,5 +43,5 @@ def golden_runs(data):
         is_code = np.isnan(written[:, 1])
         status = np.where(is_code, written[:, 0], Status.TRACKED).astype(np.int8)
         run = Trajectory(status, np.where(is_code[:, None], np.nan, written))
-        runs.append(TrackedSequence(Sequence(str(name), (), truth, size_wh=SIZE), (run,)))
+        runs.append(TrackedSequence(VideoSequence(str(name), (), truth, size_wh=SIZE), (run,)))
     return runs

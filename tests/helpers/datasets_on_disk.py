@@ -1,24 +1,24 @@
-"""Datasets for the tests, written the way they were published, and what is read of them."""
+"""Small datasets in their published layouts, written to disk."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-# Frames are told apart by their brightness.
-_STEP = 10
+_STEP = 10  # gray levels between the images of consecutive numbers
 
 
-def picture(number):
+def gray_image(number):
     return np.full((8, 12, 3), _STEP * number % 256, np.uint8)
 
 
 def number_in(image):
+    """The number of a `gray_image`."""
     return round(float(image.mean()) / _STEP)
 
 
 def only(dataset):
-    """The sequence of a dataset of one."""
+    """The sequence of a dataset with a single one."""
     (name,) = dataset.sequences
     return dataset.sequences[name]
 
@@ -28,7 +28,7 @@ def frame_numbers(sequence):
 
 
 def write_images(folder, numbers, digits, suffix=".jpg"):
-    """Real images numbered as told; more than 25 of them are empty files."""
+    """Images with these numbers as names; if there are more than 25, they are empty files."""
     folder.mkdir(parents=True, exist_ok=True)
     numbers = list(numbers)
     for number in numbers:
@@ -36,11 +36,11 @@ def write_images(folder, numbers, digits, suffix=".jpg"):
         if len(numbers) > 25:
             path.touch()
         else:
-            cv2.imwrite(str(path), picture(number))
+            cv2.imwrite(str(path), gray_image(number))
 
 
 def boxes(count, first=1):
-    """Rows x, y, w, h that tell their number: x is it, and y ten times it."""
+    """Rows x, y, w, h, where x is the row number and y ten times the row number."""
     return np.array([(i, 10 * i, 5, 6) for i in range(first, first + count)], dtype=float)
 
 

@@ -1,12 +1,13 @@
-"""Synthetic pictures and videos whose content and motion are known exactly."""
+"""Synthetic images and videos with known content and motion."""
 
 import cv2
 import numpy as np
 
-from ssiam.geometry import frame_centre, rigid
+from ssiam.geometry import frame_center, rigid
 
 
 def generator(seed):
+    """A random generator that gives the same numbers with every NumPy version."""
     return np.random.Generator(np.random.PCG64(seed))
 
 
@@ -33,32 +34,32 @@ def golden_video(name, count=16):
 
 
 def world(seed=0, size_wh=(640, 360)):
-    """A richly textured picture with rectangles and discs, (H, W, 3) uint8."""
+    """A richly textured image with rectangles and discs, (H, W, 3) uint8."""
     r = generator(seed)
     width, height = size_wh
-    picture = np.full((height, width, 3), 120.0)
+    image = np.full((height, width, 3), 120.0)
     for cell in (64, 24, 10, 5):
         coarse = r.normal(0, 22, (height // cell + 2, width // cell + 2, 3)).astype(np.float32)
-        picture += cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+        image += cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     for _ in range(width * height // 900):
         x, y = (int(v) for v in r.integers(0, (width, height)))
         size = int(r.integers(4, 26))
-        colour = [float(v) for v in r.uniform(20, 235, 3)]
+        color = [float(v) for v in r.uniform(20, 235, 3)]
         if r.random() < 0.5:
-            cv2.rectangle(picture, (x, y), (x + size, y + size), colour, -1)
+            cv2.rectangle(image, (x, y), (x + size, y + size), color, -1)
         else:
-            cv2.circle(picture, (x, y), size // 2, colour, -1)
-    return np.clip(cv2.GaussianBlur(picture, (0, 0), 0.8), 0, 255).astype(np.uint8)
+            cv2.circle(image, (x, y), size // 2, color, -1)
+    return np.clip(cv2.GaussianBlur(image, (0, 0), 0.8), 0, 255).astype(np.uint8)
 
 
-def seen(picture, frame_from_world):
-    """What a camera of the picture's size sees of it; the picture's mirror image around it."""
-    height, width = picture.shape[:2]
+def seen(scene, frame_from_world):
+    """The frame of a camera with the size of the scene image, which is mirrored at its borders."""
+    height, width = scene.shape[:2]
     return cv2.warpAffine(
-        picture, frame_from_world[:2], (width, height), borderMode=cv2.BORDER_REFLECT_101
+        scene, frame_from_world[:2], (width, height), borderMode=cv2.BORDER_REFLECT_101
     )
 
 
 def poses(shifts_angles, size_wh):
-    """frame_from_world of a camera at each (dx, dy, angle), turned about its centre."""
-    return [rigid(dx, dy, angle, frame_centre(size_wh)) for dx, dy, angle in shifts_angles]
+    """frame_from_world of a camera at each (dx, dy, angle), rotated about the frame center."""
+    return [rigid(dx, dy, angle, frame_center(size_wh)) for dx, dy, angle in shifts_angles]

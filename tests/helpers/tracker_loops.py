@@ -9,7 +9,7 @@ import pytest
 
 from helpers.stub_networks import MARKER
 from ssiam import FrameView
-from ssiam.geometry import frame_centre, map_box, rigid
+from ssiam.geometry import frame_center, map_box, rigid
 from ssiam.trackers import siamrpn
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -18,8 +18,8 @@ SIZE = (320, 240)
 BOX = (120.0, 90.0, 40.0, 40.0)
 STEADYINGS = [
     pytest.param(rigid(9, -6, 0.0), id="shift"),
-    pytest.param(rigid(0, 0, 0.2, frame_centre(SIZE)), id="turn"),
-    pytest.param(rigid(-14.3, 7.9, -0.1, frame_centre(SIZE)), id="both"),
+    pytest.param(rigid(0, 0, 0.2, frame_center(SIZE)), id="turn"),
+    pytest.param(rigid(-14.3, 7.9, -0.1, frame_center(SIZE)), id="both"),
 ]
 
 
@@ -75,9 +75,9 @@ def crop_sides(monkeypatch):
     sides = []
     crop = FrameView.crop
 
-    def noted(view, centre_xy, side, out, fill):
+    def noted(view, center_xy, side, out, fill):
         sides.append(side)
-        return crop(view, centre_xy, side, out, fill)
+        return crop(view, center_xy, side, out, fill)
 
     monkeypatch.setattr(FrameView, "crop", noted)
     return sides

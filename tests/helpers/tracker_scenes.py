@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from helpers.synthetic import generator, world
-from ssiam.geometry import frame_centre, map_box, rigid
+from ssiam.geometry import frame_center, map_box, rigid
 
 SIZE = (400, 300)
 SCENE = world(3, (800, 500))
@@ -37,7 +37,7 @@ def shaken_pan(count, pan_at=(), pan=90.0, shake=4.0, seed=6):
     if len(pan_at):
         away[list(pan_at)] = -pan * np.sin(np.linspace(0, np.pi, len(pan_at)))
     steps = r.normal(0, (shake, shake, 0.006), (count, 3))
-    centre = frame_centre(SIZE)
+    centre = frame_center(SIZE)
     return [
         rigid(x + dx, dy, angle, centre) @ middle
         for x, (dx, dy, angle) in zip(away, steps, strict=True)

@@ -1,4 +1,4 @@
-"""Parts of the frame that show no scene: bars, a round image, moving borders."""
+"""Parts of the frame outside of the scene: bars, the outside of a disc, moving borders."""
 
 import csv
 from functools import cache
@@ -12,12 +12,12 @@ import pytest
 import ssiam
 from helpers.synthetic import generator, world
 from ssiam.geometry import map_points, rigid
-from ssiam.motion.content import Content
+from ssiam.motion.content import ContentDetector
 from ssiam.video import open_source
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
 COUNT = 40
-MORE = 0.1  # px of error more than on the cut video
+MAX_EXTRA = 0.1  # px of error more than on the cropped video
 
 
 @cache
@@ -30,16 +30,16 @@ def demo():
 
 
 def framed(content, background):
-    """`background` with the content (left, top, right, bottom) of the frame."""
+    """A function that replaces all but the content (left, top, right, bottom) by `background`."""
 
-    def form(_, frame):
+    def transform(_, frame):
         left, top, right, bottom = content
         out = np.empty_like(frame)
         out[...] = background(frame, content) if callable(background) else background
         out[top:bottom, left:right] = frame[top:bottom, left:right]
         return out
 
-    return form, content
+    return transform, content
 
 
 def blurred(frame, content):
@@ -63,16 +63,16 @@ def stabilized(t, frame):
     return cv2.warpAffine(frame, np.linalg.inv(demo()[1][t])[:2], (640, 360))
 
 
-def through_jpeg(form):
-    def coded(t, frame):
-        data = cv2.imencode(".jpg", form(t, frame), [cv2.IMWRITE_JPEG_QUALITY, 70])[1]
+def through_jpeg(transform):
+    def compressed(t, frame):
+        data = cv2.imencode(".jpg", transform(t, frame), [cv2.IMWRITE_JPEG_QUALITY, 70])[1]
         return cv2.imdecode(data, cv2.IMREAD_COLOR)
 
-    return coded
+    return compressed
 
 
 PILLARS, WIDE = (80, 0, 560, 360), (0, 44, 640, 316)
-FORMS = {
+LAYOUTS = {
     "4:3 in 16:9": framed(PILLARS, 0),
     "2.35:1": framed(WIDE, 0),
     "2.35:1 in 4:3 in 16:9": framed((80, 44, 560, 316), 0),
@@ -95,59 +95,65 @@ def motions(frames, keypoints):
 
 
 def errors(found, truth, content, origin=(0, 0)):
-    """Distance of the content's middle from where it should be; nan where not reliable."""
+    """Error of the mapped center of the content, pixels; nan where the motion is not reliable."""
     left, top, right, bottom = content
-    middle = np.array([((left + right) / 2, (top + bottom) / 2)])
-    off = [
-        map_points(m.cur_from_prev, middle - origin) + origin - map_points(t, middle)
+    center = np.array([((left + right) / 2, (top + bottom) / 2)])
+    offsets = [
+        map_points(m.cur_from_prev, center - origin) + origin - map_points(t, center)
         for m, t in zip(found, truth, strict=True)
     ]
-    told = np.array([m.reliable for m in found])
-    return np.where(told, np.linalg.norm(off, axis=2)[:, 0], np.nan)
+    reliable = np.array([m.reliable for m in found])
+    return np.where(reliable, np.linalg.norm(offsets, axis=2)[:, 0], np.nan)
 
 
-@pytest.mark.parametrize("coded", [False, True])
+@pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("keypoints", ["direct", "orb", "gftt"])
-@pytest.mark.parametrize("name", FORMS)
-def test_what_shows_no_scene_has_no_vote(name, keypoints, coded):
-    if coded and keypoints != "direct":
-        pytest.skip("enough of it")
-    form, content = FORMS[name]
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_areas_outside_of_the_scene_are_not_used(name, keypoints, compressed):
+    if compressed and keypoints != "direct":
+        pytest.skip("compression is tested with direct only")
+    transform, content = LAYOUTS[name]
     left, top, right, bottom = content
     frames, poses = demo()
-    if coded:
-        form = through_jpeg(form)
-    shown = [form(t, frame) for t, frame in enumerate(frames)]
+    if compressed:
+        transform = through_jpeg(transform)
+    framed_frames = [transform(t, frame) for t, frame in enumerate(frames)]
     if name == "stabilized":
         truth = [np.eye(3)] * (COUNT - 1)
     else:
         truth = [b @ np.linalg.inv(a) for a, b in pairwise(poses)]
-    cut = [np.ascontiguousarray(frame[top:bottom, left:right]) for frame in shown]
-    own = errors(motions(shown, keypoints), truth, content)
-    least = errors(motions(cut, keypoints), truth, content, (left, top))
-    both = ~np.isnan(own) & ~np.isnan(least)
-    slack = 0.05 if coded or name in ("round", "stabilized") else 0.0  # not the cut's own pixels
-    assert (own[both] <= least[both] + MORE + slack).all()
-    assert np.nan_to_num(own).max() < 1.0
+    cropped = [np.ascontiguousarray(frame[top:bottom, left:right]) for frame in framed_frames]
+    found = errors(motions(framed_frames, keypoints), truth, content)
+    expected = errors(motions(cropped, keypoints), truth, content, (left, top))
+    both = ~np.isnan(found) & ~np.isnan(expected)
+    slack = (
+        0.05 if compressed or name in ("round", "stabilized") else 0.0
+    )  # the pixels differ from the crop
+    assert (found[both] <= expected[both] + MAX_EXTRA + slack).all()
+    assert np.nan_to_num(found).max() < 1.0
     if (right - left) * (bottom - top) >= 0.4 * 640 * 360 or name == "round":
-        assert np.isnan(own).mean() <= 0.1
+        assert np.isnan(found).mean() <= 0.1
     else:
-        assert np.isnan(own).sum() <= np.isnan(least).sum() + 1
+        assert np.isnan(found).sum() <= np.isnan(expected).sum() + 1
 
 
-def test_the_motion_of_a_barred_video_is_that_of_the_cut_one():
-    form, (left, top, right, bottom) = FORMS["2.35:1 in 4:3 in 16:9"]
-    shown = [form(t, frame) for t, frame in enumerate(demo()[0])]
-    cut = [np.ascontiguousarray(frame[top:bottom, left:right]) for frame in shown]
-    back, there = rigid(-left, -top, 0), rigid(left, top, 0)
-    for whole, part in zip(motions(shown, "direct"), motions(cut, "direct"), strict=True):
+def test_the_motion_with_bars_is_that_of_the_cropped_video():
+    transform, (left, top, right, bottom) = LAYOUTS["2.35:1 in 4:3 in 16:9"]
+    framed_frames = [transform(t, frame) for t, frame in enumerate(demo()[0])]
+    cropped = [np.ascontiguousarray(frame[top:bottom, left:right]) for frame in framed_frames]
+    crop_from_frame, frame_from_crop = rigid(-left, -top, 0), rigid(left, top, 0)
+    for whole, part in zip(
+        motions(framed_frames, "direct"), motions(cropped, "direct"), strict=True
+    ):
         assert whole.size_wh == (640, 360)
         assert whole.reliable == part.reliable
-        np.testing.assert_allclose(whole.cur_from_prev, there @ part.cur_from_prev @ back)
+        np.testing.assert_allclose(
+            whole.cur_from_prev, frame_from_crop @ part.cur_from_prev @ crop_from_frame
+        )
 
 
-def test_the_excluded_box_is_left_out_of_a_barred_video_too():
-    """A target of much of the content, that moves by itself."""
+def test_boxes_are_excluded_from_a_video_with_bars():
+    """An independently moving target that covers much of the content."""
     patch = world(9)[:200, :230]
     camera = ssiam.CameraMotion()
     scene = world(3, (960, 540))
@@ -162,28 +168,28 @@ def test_the_excluded_box_is_left_out_of_a_barred_video_too():
             assert motion.shift_angle[:2] == pytest.approx((4, -3), abs=0.3)
 
 
-def test_bars_that_come_and_go_are_noticed():
+def test_bars_that_appear_and_disappear_are_detected():
     frames, poses = demo()
-    form, _ = FORMS["9:16 in 16:9"]
-    shown = [form(t, f) if 10 <= t < 25 else f for t, f in enumerate(frames)]
+    transform, _ = LAYOUTS["9:16 in 16:9"]
+    framed_frames = [transform(t, f) if 10 <= t < 25 else f for t, f in enumerate(frames)]
     truth = [b @ np.linalg.inv(a) for a, b in pairwise(poses)]
-    own = errors(motions(shown, "direct"), truth, (219, 0, 421, 360))
-    steady = [t for t in range(COUNT - 1) if t not in (9, 24)]  # steps into and out of the bars
-    assert np.nan_to_num(own[steady]).max() < 0.5
-    assert np.isnan(own[steady]).sum() <= 1
+    found = errors(motions(framed_frames, "direct"), truth, (219, 0, 421, 360))
+    unchanged = [t for t in range(COUNT - 1) if t not in (9, 24)]  # steps into and out of the bars
+    assert np.nan_to_num(found[unchanged]).max() < 0.5
+    assert np.isnan(found[unchanged]).sum() <= 1
 
 
-def test_a_scene_without_bars_is_not_cut():
-    content = Content((640, 360))
+def test_a_scene_without_bars_is_not_cropped():
+    content = ContentDetector((640, 360))
     assert not any(content.update(frame) for frame in demo()[0])
     assert tuple(content.area) == (0, 0, 640, 360)
 
 
-def test_a_flat_sky_gives_its_place_back_and_costs_few_changes():
-    """A pan up and down over a skyline under a burnt-out sky."""
+def test_a_flat_sky_causes_few_changes_of_the_content():
+    """A pan up and down over a skyline under an overexposed sky."""
     scene = world(3, (960, 540))
     scene[:200] = 255
-    content = Content((640, 360))
+    content = ContentDetector((640, 360))
     changes = 0
     for t in range(120):
         y = 100 + round(60 * np.sin(t / 5))
@@ -191,20 +197,20 @@ def test_a_flat_sky_gives_its_place_back_and_costs_few_changes():
     assert changes <= 16
 
 
-def test_what_stands_still_beside_something_that_moves_is_a_scene():
-    """A camera on a tripod: everything but one thing is without change."""
-    scene, thing = world(3), world(8)[:180, :220]
+def test_a_static_scene_with_a_moving_object_is_content():
+    """A camera on a tripod: everything but one object is unchanged."""
+    scene, moving = world(3), world(8)[:180, :220]
     camera = ssiam.CameraMotion()
     for t in range(15):
         frame = scene.copy()
-        frame[60 : 60 + 180, 40 + 9 * t : 260 + 9 * t] = thing
+        frame[60 : 60 + 180, 40 + 9 * t : 260 + 9 * t] = moving
         motion = camera.update(frame)
         assert motion.shift_angle == pytest.approx((0, 0, 0), abs=0.05)
 
 
 @pytest.mark.parametrize("keypoints", ["direct", "orb"])
 @pytest.mark.parametrize("color", [0, 128, 255])
-def test_the_motion_after_blank_frames_is_that_since_the_last_scene(keypoints, color):
+def test_the_motion_after_blank_frames_is_from_the_last_frame_before_them(keypoints, color):
     frames, poses = demo()
     camera = ssiam.CameraMotion(keypoints)
     camera.update(frames[0])
@@ -214,6 +220,6 @@ def test_the_motion_after_blank_frames_is_that_since_the_last_scene(keypoints, c
     motion = camera.update(frames[4])
     truth = poses[4] @ np.linalg.inv(poses[1])
     assert motion.reliable
-    middle = [(320, 180)]
-    off = map_points(motion.cur_from_prev, middle) - map_points(truth, middle)
-    assert np.linalg.norm(off) < 1.0
+    center = [(320, 180)]
+    error = map_points(motion.cur_from_prev, center) - map_points(truth, center)
+    assert np.linalg.norm(error) < 1.0

@@ -9,7 +9,7 @@ from ssiam.motion.fit import fit_motion
 
 
 def pairs(cur_from_prev, count=120, moving=0.0, noise=0.0, seed=1):
-    """Point pairs of a camera motion, the first `moving` of them on something that moves."""
+    """Point pairs of a camera motion; a share `moving` of them has another motion."""
     r = generator(seed)
     prev_xy = r.uniform((0, 0), (640, 360), (count, 2))
     cur_xy = map_points(cur_from_prev, prev_xy) + r.normal(0, noise or 1e-12, (count, 2))
@@ -33,49 +33,49 @@ def test_both_fits_recover_an_exact_motion(dx, dy, angle):
 
 
 @pytest.mark.parametrize("moving", [0.05, 0.3, 0.45])
-def test_what_moves_by_itself_draws_only_least_squares_off(moving):
+def test_moving_points_bias_least_squares_only(moving):
     truth = rigid(12, -5, 0.02, (320, 180))
     points = pairs(truth, moving=moving, noise=0.2)
     robust, inliers = fit_motion(*points, "robust", tolerance=1.5)
-    plain, _ = fit_motion(*points, "least_squares", tolerance=1.5)
+    least_squares, _ = fit_motion(*points, "least_squares", tolerance=1.5)
     assert corner_error(robust, truth) < 0.3
-    assert corner_error(plain, truth) > 1
+    assert corner_error(least_squares, truth) > 1
     assert inliers == pytest.approx(1 - moving, abs=0.02)
 
 
-def test_results_repeat():
+def test_results_are_reproducible():
     points = pairs(rigid(3, 4, 0.01), moving=0.4, noise=1.0)
     first, second = (fit_motion(*points, "robust", tolerance=1.5)[0] for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("method", ["robust", "least_squares"])
-def test_one_place_gives_a_shift_and_no_rotation(method):
+def test_coincident_points_give_a_shift_without_rotation(method):
     prev_xy = np.full((3, 2), 7.0)
     found, _ = fit_motion(prev_xy, prev_xy + 2, method, tolerance=1.5)
     np.testing.assert_allclose(found, rigid(2, 2, 0), atol=1e-12)
 
 
-def test_the_similarity_model_finds_the_zoom():
+def test_the_similarity_model_recovers_zoom():
     truth = rigid(5, -3, 0.02, (320, 180)) @ np.diag([1.03, 1.03, 1.0])
     points = pairs(truth, moving=0.3, noise=0.1)
     zoomed, inliers = fit_motion(*points, "robust", tolerance=1.5, model="similarity")
-    stiff, _ = fit_motion(*points, "robust", tolerance=1.5)
+    rigid_fit, _ = fit_motion(*points, "robust", tolerance=1.5)
     assert corner_error(zoomed, truth) < 0.2
-    assert corner_error(stiff, truth) > 3
+    assert corner_error(rigid_fit, truth) > 3
     assert inliers == pytest.approx(0.7, abs=0.02)
 
 
-WARPS = {
+TRANSFORMS = {
     "affine": np.array([[1.02, 0.03, 4.0], [-0.01, 0.97, -6.0], [0, 0, 1]]),
     "homography": np.array([[1.01, 0.02, 4.0], [-0.02, 0.98, -6.0], [3e-5, -2e-5, 1]]),
 }
 
 
 @pytest.mark.parametrize("method", ["robust", "least_squares"])
-@pytest.mark.parametrize("model", WARPS)
-def test_larger_models_find_what_they_can_tell(model, method):
-    truth = WARPS[model]
+@pytest.mark.parametrize("model", TRANSFORMS)
+def test_larger_models_recover_their_transforms(model, method):
+    truth = TRANSFORMS[model]
     moving = 0.3 if method == "robust" else 0.0
     found, _ = fit_motion(*pairs(truth, moving=moving), method, tolerance=1.5, model=model)
     assert corner_error(found, truth) < 0.05

@@ -8,8 +8,8 @@ from ssiam.geometry import map_points, rigid
 SIZE = (640, 360)
 
 
-def test_a_given_motion_is_taken_as_it_is():
-    motion = Motion.given(rigid(3, -2, 0.1)[:2], SIZE)
+def test_a_transform_is_used_unchanged():
+    motion = Motion.from_transform(rigid(3, -2, 0.1)[:2], SIZE)
     np.testing.assert_array_equal(motion.cur_from_prev, rigid(3, -2, 0.1))
     assert motion.reliable
 
@@ -17,19 +17,19 @@ def test_a_given_motion_is_taken_as_it_is():
 @pytest.mark.parametrize(
     "matrix", [np.zeros((3, 3)), np.full((3, 3), np.nan), np.eye(4), [1.0, 2.0], np.ones((2, 3))]
 )
-def test_what_is_no_transform_is_refused(matrix):
+def test_invalid_transforms_are_refused(matrix):
     with pytest.raises(ValueError, match=r"motion is .*transform of pixels"):
-        Motion.given(matrix, SIZE)
+        Motion.from_transform(matrix, SIZE)
 
 
-def test_a_pan_to_the_right_moves_the_picture_to_the_left():
+def test_a_pan_to_the_right_moves_the_scene_to_the_left():
     focal, pan = 500.0, 0.02
     motion = Motion.from_rotation((0.0, -pan, 0.0), focal, SIZE)
     dx, dy, angle = motion.shift_angle
     assert (dx, dy, angle) == pytest.approx((-focal * np.tan(pan), 0, 0), abs=1e-9)
 
 
-def test_a_roll_is_a_rigid_turn_about_the_principal_point():
+def test_a_roll_is_a_rotation_about_the_principal_point():
     motion = Motion.from_rotation((0.0, 0.0, 0.03), 700.0, SIZE, principal_xy=(300.0, 190.0))
     np.testing.assert_allclose(motion.cur_from_prev, rigid(0, 0, 0.03, (300, 190)), atol=1e-9)
 
@@ -47,11 +47,11 @@ def test_points_of_the_scene_follow_a_rotation():
 @pytest.mark.parametrize(
     ("rotation", "focal", "message"),
     {
-        "no rotation": (np.ones((3, 3)), 500, "rotation is"),
+        "not a rotation": (np.ones((3, 3)), 500, "rotation is"),
         "not finite": ((0, np.nan, 0), 500, "rotation is"),
         "no focal length": ((0, 0, 0), 0, "focal_length is 0"),
     }.values(),
 )
-def test_what_is_no_rotation_is_refused(rotation, focal, message):
+def test_invalid_rotations_are_refused(rotation, focal, message):
     with pytest.raises(ValueError, match=message):
         Motion.from_rotation(rotation, focal, SIZE)

@@ -6,16 +6,16 @@ import pytest
 
 from helpers.synthetic import generator, poses
 from ssiam import Motion, Stabilizer, StabilizerConfig
-from ssiam.geometry import frame_centre, map_box, map_points, rigid_parameters
+from ssiam.geometry import frame_center, map_box, map_points, rigid_parameters
 from ssiam.stabilize import CameraPath
 
 SIZE = (640, 360)
-CENTRE = frame_centre(SIZE)
-UNLIMITED = StabilizerConfig(gate=0, thx1=1e6, thy1=1e6, thx2=1e6, thy2=1e6, tha=10)
+CENTER = frame_center(SIZE)
+UNLIMITED = StabilizerConfig().with_options(gate=0, thx1=1e6, thy1=1e6, thx2=1e6, thy2=1e6, tha=10)
 
 
 def motions(frame_from_world):
-    """The motion to every frame, as an exact estimator would tell it."""
+    """The exact motion to every frame."""
     previous = [frame_from_world[0], *frame_from_world[:-1]]
     for cur, prev in zip(frame_from_world, previous, strict=True):
         yield Motion(cur @ np.linalg.inv(prev), 1.0, True, SIZE)
@@ -30,80 +30,82 @@ def hand_held(count=120, seed=4, roll=0.01, pan=0.0):
 
 @pytest.mark.parametrize("point", [(320.0, 180.0), (40.0, 30.0), (610.0, 350.0)])
 @pytest.mark.parametrize("pan", [0.0, 2.0])
-def test_a_background_point_lies_on_the_smoothed_path(point, pan):
+def test_a_background_point_is_on_the_smoothed_path(point, pan):
     frame_from_world = hand_held(pan=pan)
     stabilizer = Stabilizer(UNLIMITED)
     raw_path = np.array([map_points(pose, [point])[0] for pose in frame_from_world])
     for t, motion in enumerate(motions(frame_from_world)):
         stab_from_raw = stabilizer.update(motion)
         smoothed = raw_path[max(0, t - 29) : t + 1].mean(axis=0)
-        steadied = map_points(stab_from_raw, [raw_path[t]])[0]
-        assert np.hypot(*(steadied - smoothed)) < 0.1
+        stabilized = map_points(stab_from_raw, [raw_path[t]])[0]
+        assert np.hypot(*(stabilized - smoothed)) < 0.1
 
 
-def test_the_printed_equation_5_puts_a_frame_of_shake_back_in():
+def test_the_printed_equation_5_adds_the_shake_of_a_frame():
     paper, literal = Stabilizer(UNLIMITED), Stabilizer(replace(UNLIMITED, stabilize="literal"))
     for motion in motions(hand_held(roll=0.0)):
         difference = literal.update(motion)[:2, 2] - paper.update(motion)[:2, 2]
         np.testing.assert_allclose(difference, motion.shift_angle[:2], atol=1e-9)
 
 
-def steadying(steps, **limits):
-    """(dx, dy, angle) of every steadied frame, for camera poses given as (dx, dy, angle)."""
-    stabilizer = Stabilizer(replace(UNLIMITED, **limits))
+def corrections(steps, **limits):
+    """(dx, dy, angle) of every stabilized frame, for camera poses (dx, dy, angle)."""
+    stabilizer = Stabilizer(UNLIMITED.with_options(**limits))
     return np.array(
         [
-            rigid_parameters(stabilizer.update(motion), CENTRE)
+            rigid_parameters(stabilizer.update(motion), CENTER)
             for motion in motions(poses(steps, SIZE))
         ]
     )
 
 
 def jump(dx=0.0, dy=0.0, angle=0.0):
-    """A camera that rests for 60 frames, and then jumps."""
+    """A camera that is still for 60 frames, and then jumps."""
     steps = np.zeros((80, 3))
     steps[60:] = dx, dy, angle
     return steps
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_equation_6_limits_the_shift_and_keeps_its_sign(sign):
-    found = steadying(jump(dx=sign * 300, dy=sign * 200), thx1=60, thy1=30)
+def test_equation_6_limits_the_shift_with_its_sign(sign):
+    found = corrections(jump(dx=sign * 300, dy=sign * 200), thx1=60, thy1=30)
     assert found[60, 0] == pytest.approx(-sign * 80)  # N + THx1
     assert found[60, 1] == pytest.approx(-sign * 50)  # N + THy1
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_equation_6_limits_the_change_per_frame(sign):
-    found = steadying(jump(dx=sign * 300, dy=sign * 200), thx2=20, thy2=10)
+    found = corrections(jump(dx=sign * 300, dy=sign * 200), thx2=20, thy2=10)
     np.testing.assert_allclose(found[59:63, 0], -sign * np.array([0, 20, 40, 60]), atol=1e-9)
     np.testing.assert_allclose(found[59:63, 1], -sign * np.array([0, 10, 20, 30]), atol=1e-9)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_equation_6_limits_the_rotation(sign):
-    found = steadying(jump(angle=sign * 0.4), tha=0.3)
+    found = corrections(jump(angle=sign * 0.4), tha=0.3)
     assert found[60, 2] == pytest.approx(-sign * 0.3)
-    assert steadying(jump(angle=sign * 0.2), tha=0.3)[60, 2] == pytest.approx(-sign * 0.2 * 29 / 30)
+    assert corrections(jump(angle=sign * 0.2), tha=0.3)[60, 2] == pytest.approx(
+        -sign * 0.2 * 29 / 30
+    )
 
 
-def test_the_gate_leaves_steady_frames_alone():
+def test_the_gate_skips_nearly_still_frames():
     small, large = jump(dx=0.05), jump(dx=5.0)
-    assert not steadying(small, gate=0.1)[60:].any()
-    assert steadying(large, gate=0.1)[60, 0] == pytest.approx(-5 * 29 / 30)
-    assert steadying(small, gate=0.0)[60, 0] != 0
+    assert not corrections(small, gate=0.1)[60:].any()
+    assert corrections(large, gate=0.1)[60, 0] == pytest.approx(-5 * 29 / 30)
+    assert corrections(small, gate=0.0)[60, 0] != 0
 
 
-def test_a_steady_pan_lags_and_saturates():
+def test_a_constant_pan_lags_and_saturates():
     pan = np.zeros((120, 3))
     pan[:, 0] = 8.0 * np.arange(120)
-    found = steadying(pan, thx1=60)
-    assert found[100, 0] == pytest.approx(-80)  # the paper's design, and its weakness
+    found = corrections(pan, thx1=60)
+    assert found[100, 0] == pytest.approx(-80)  # a limitation of the paper's method
     pan[:, 0] /= 4
-    assert steadying(pan, thx1=60)[100, 0] == pytest.approx(-2.0 * 14.5)
+    assert corrections(pan, thx1=60)[100, 0] == pytest.approx(-2.0 * 14.5)
 
 
-def test_unreliable_motion_holds_the_view():
+def test_unreliable_motion_keeps_the_view():
     stabilizer = Stabilizer(StabilizerConfig())
     for motion in motions(hand_held(count=40)):
         before = stabilizer.update(motion)
@@ -112,24 +114,24 @@ def test_unreliable_motion_holds_the_view():
         np.testing.assert_array_equal(held, before)
 
 
-def test_off_never_moves_anything():
+def test_off_returns_the_identity():
     stabilizer = Stabilizer(StabilizerConfig("off"))
     for motion in motions(hand_held(count=40)):
         np.testing.assert_array_equal(stabilizer.update(motion), np.eye(3))
 
 
-def test_boxes_come_back_through_the_steadying():
+def test_boxes_are_mapped_back_by_the_inverse():
     stabilizer = Stabilizer(StabilizerConfig())
     box = (301.5, 122.25, 40.0, 61.5)
     for motion in motions(hand_held(count=60)):
         stab_from_raw = stabilizer.update(motion)
         raw_from_stab = np.linalg.inv(stab_from_raw)
-        there_and_back = map_box(raw_from_stab, map_box(stab_from_raw, box))
-        assert there_and_back == pytest.approx(box, abs=1e-9)
+        mapped_back = map_box(raw_from_stab, map_box(stab_from_raw, box))
+        assert mapped_back == pytest.approx(box, abs=1e-9)
 
 
-def test_memory_and_work_do_not_grow_with_the_stream():
-    """The state at frame 20,000 is the state at frame 100: the same size, and no drift."""
+def test_memory_does_not_grow_with_the_stream():
+    """The state has the same size and values at frame 20,000 as at frame 100."""
     path = CameraPath(30)
     sway = poses([(3, 1, 0.01), (0, 0, 0)], SIZE)
     one, other = list(motions([*sway, sway[0]]))[1:]
@@ -144,15 +146,5 @@ def test_memory_and_work_do_not_grow_with_the_stream():
     np.testing.assert_allclose(path.difference(), early, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("values", "complaint"),
-    [
-        pytest.param({"stabilize": "magic"}, "unknown stabilize 'magic'", id="stabilize"),
-        pytest.param({"window": 0}, "window is 0", id="window"),
-        pytest.param({"thx1": -1}, "thx1 is -1", id="negative"),
-        pytest.param({"tha": float("nan")}, "tha is nan", id="nan"),
-    ],
-)
-def test_bad_settings_are_named(values, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        StabilizerConfig(**values)
+def test_an_empty_path_has_no_difference():
+    assert CameraPath(30).difference() == (0, 0, 0)

@@ -9,7 +9,7 @@ from ssiam import FrameView
 from ssiam.geometry import map_points, rigid
 
 
-def test_unsteadied_crop_is_the_reference_bit_for_bit(golden):
+def test_a_crop_of_a_raw_view_is_the_reference_bit_for_bit(golden):
     z = golden("functions.npz")
     frame = golden_video("A")[0][0]
     fill = frame.mean(axis=(0, 1))
@@ -26,22 +26,22 @@ def smooth_world():
     return cv2.GaussianBlur(world(), (0, 0), 3)
 
 
-STEADYING = rigid(14.3, -9.7, 0.06, (319.5, 179.5))
+STAB_FROM_RAW = rigid(14.3, -9.7, 0.06, (319.5, 179.5))
 
 
 @pytest.mark.parametrize("side", [90, 127, 200, 255])
-def test_steadied_crop_is_the_crop_of_the_steadied_frame(side):
+def test_a_crop_of_a_stabilized_view_is_the_crop_of_the_warped_frame(side):
     frame = smooth_world()
     fill = np.array([0.0, 0.0, 0.0])
-    warped = cv2.warpAffine(frame, STEADYING[:2], (640, 360))
+    warped = cv2.warpAffine(frame, STAB_FROM_RAW[:2], (640, 360))
     whole = FrameView(warped).crop((300.2, 170.9), side, 255, fill)
-    composed = FrameView(frame, STEADYING).crop((300.2, 170.9), side, 255, fill)
+    composed = FrameView(frame, STAB_FROM_RAW).crop((300.2, 170.9), side, 255, fill)
     difference = np.abs(whole.astype(int) - composed)[4:-4, 4:-4]
     assert difference.mean() < 0.5
     assert np.percentile(difference, 99) <= 3
 
 
-def test_a_crop_a_hair_from_the_identity_is_the_reference_crop():
+def test_a_crop_near_the_identity_is_the_reference_crop():
     frame = smooth_world()
     fill = frame.mean(axis=(0, 1))
     nearly = FrameView(frame, rigid(1e-6, 0, 0))
@@ -50,31 +50,31 @@ def test_a_crop_a_hair_from_the_identity_is_the_reference_crop():
     assert np.abs(a.astype(int) - b)[2:-2, 2:-2].max() <= 2
 
 
-@pytest.mark.parametrize("centre", [(-500.0, 50.0), (5000.0, 50.0), (100.0, -900.0)])
-@pytest.mark.parametrize("steadying", [np.eye(3), STEADYING])
-def test_crop_outside_of_the_frame_is_the_fill_with_its_fractions_cut(centre, steadying):
-    view = FrameView(world(), steadying)
-    crop = view.crop(centre, 100, 127, np.array([10.9, 20.2, 30.7]))
+@pytest.mark.parametrize("center", [(-500.0, 50.0), (5000.0, 50.0), (100.0, -900.0)])
+@pytest.mark.parametrize("stab_from_raw", [np.eye(3), STAB_FROM_RAW])
+def test_a_crop_outside_of_the_frame_is_the_truncated_fill(center, stab_from_raw):
+    view = FrameView(world(), stab_from_raw)
+    crop = view.crop(center, 100, 127, np.array([10.9, 20.2, 30.7]))
     assert (crop == (10, 20, 30)).all()
 
 
-def test_render_is_the_steadied_frame_with_its_border():
+def test_render_is_the_stabilized_frame_with_its_border():
     frame = smooth_world()
-    picture = FrameView(frame, STEADYING, border=20).render()
-    assert picture.shape == (400, 680, 3)
+    image = FrameView(frame, STAB_FROM_RAW, border=20).render()
+    assert image.shape == (400, 680, 3)
     points = np.array([[200, 150], [400, 200], [330, 120]])
-    for raw_xy, (x, y) in zip(points, map_points(STEADYING, points) + 20, strict=True):
-        shown = cv2.getRectSubPix(picture, (1, 1), (float(x), float(y)))[0, 0]
-        assert np.abs(shown.astype(int) - frame[raw_xy[1], raw_xy[0]]).max() <= 3
+    for raw_xy, (x, y) in zip(points, map_points(STAB_FROM_RAW, points) + 20, strict=True):
+        pixel = cv2.getRectSubPix(image, (1, 1), (float(x), float(y)))[0, 0]
+        assert np.abs(pixel.astype(int) - frame[raw_xy[1], raw_xy[0]]).max() <= 3
 
 
-def test_render_keeps_what_a_shift_moves_out_of_the_frame():
+def test_the_border_contains_what_a_shift_moves_out_of_the_frame():
     frame = world()
-    picture = FrameView(frame, rigid(20, -20, 0), border=20).render()
-    np.testing.assert_array_equal(picture[0:360, 40:680], frame)
+    image = FrameView(frame, rigid(20, -20, 0), border=20).render()
+    np.testing.assert_array_equal(image[0:360, 40:680], frame)
 
 
-def test_unsteadied_render():
+def test_render_of_a_raw_view():
     frame = world()
     assert FrameView(frame).render() is frame
     bordered = FrameView(frame, border=20).render()
@@ -84,29 +84,29 @@ def test_unsteadied_render():
 
 PARTS = [
     pytest.param((200.0, 100.0, 80.0, 60.0), id="inside"),
-    pytest.param((200.3, 100.8, 80.5, 60.1), id="fractions"),
+    pytest.param((200.3, 100.8, 80.5, 60.1), id="fractional"),
     pytest.param((-90.0, -70.0, 200.0, 150.0), id="beyond left and top"),
     pytest.param((560.0, 300.0, 300.0, 200.0), id="beyond right and bottom"),
     pytest.param((-500.0, 150.0, 2000.0, 30.0), id="beyond both sides"),
-    pytest.param((-1e4, -1e4, 2e4, 2e4), id="more than all"),
+    pytest.param((-1e4, -1e4, 2e4, 2e4), id="larger than the frame"),
     pytest.param((900.0, 100.0, 80.0, 60.0), id="right of it"),
     pytest.param((100.0, -300.0, 80.0, 60.0), id="above it"),
-    pytest.param((300.0, 200.0, 0.5, 0.5), id="less than a pixel"),
+    pytest.param((300.0, 200.0, 0.5, 0.5), id="smaller than a pixel"),
 ]
 
 
 @pytest.mark.parametrize("around", PARTS)
 @pytest.mark.parametrize("border", [0, 20])
-def test_a_part_of_a_render_is_that_part_and_black_around(around, border):
-    view = FrameView(np.maximum(world(), 1), STEADYING, border)
+def test_a_partial_render_is_black_around_the_part(around, border):
+    view = FrameView(np.maximum(world(), 1), STAB_FROM_RAW, border)
     whole, part = view.render(), view.render(around)
     x, y, w, h = around
-    rows, columns = (np.arange(n) - border for n in whole.shape[:2])  # steadied pixels
+    rows, columns = (np.arange(n) - border for n in whole.shape[:2])  # stabilized pixels
     inside = np.outer((y <= rows) & (rows < y + h), (x <= columns) & (columns < x + w))
-    # A pixel more on each side may be drawn as well.
+    # One more pixel on each side may be rendered.
     near = np.outer((y - 1 <= rows) & (rows <= y + h), (x - 1 <= columns) & (columns <= x + w))
     assert part.shape == whole.shape
-    # Both round the places that they look at to 1/32 of a pixel, from other corners.
+    # Both round positions to 1/32 of a pixel, relative to different corners.
     assert np.abs(part.astype(int) - whole)[inside].max(initial=0) <= 8
     assert np.array_equal(part[inside].any(axis=1), whole[inside].any(axis=1))
     assert not part[~near].any()
@@ -120,10 +120,10 @@ def test_a_raw_view_is_rendered_whole(around):
     np.testing.assert_array_equal(view.render(around), view.render())
 
 
-def test_the_frame_is_never_changed():
+def test_the_frame_is_not_changed():
     frame = world()
     before = frame.copy()
-    view = FrameView(frame, STEADYING, border=5)
+    view = FrameView(frame, STAB_FROM_RAW, border=5)
     view.render()
     view.crop((10.0, 10.0), 100, 127, np.zeros(3))
     np.testing.assert_array_equal(frame, before)

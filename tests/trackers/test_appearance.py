@@ -5,7 +5,7 @@ import pytest
 
 from helpers.synthetic import seen, world
 from ssiam import FrameView
-from ssiam.geometry import frame_centre, map_box, rigid
+from ssiam.geometry import frame_center, map_box, rigid
 from ssiam.trackers.appearance import Appearance
 
 SIZE = (640, 360)
@@ -16,7 +16,7 @@ BOXES = [
     pytest.param((310.0, 160.0, 9.0, 7.0), id="small"),
 ]
 BOX = (300.0, 150.0, 48.0, 48.0)
-VIEW = rigid(25, -12, 0.15, frame_centre(SIZE))
+VIEW = rigid(25, -12, 0.15, frame_center(SIZE))
 FLAT = np.full((360, 640, 3), 100, np.uint8)
 
 

@@ -105,9 +105,11 @@ class Faithful:
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
 def test_a_motion_that_is_told_is_used(frames, stabilize):
     """Frames that all show the same, and someone who says that the camera moves."""
-    tracker = SteadiedTracker(Faithful(), ssiam.StabilizerConfig(stabilize, choose=False, gate=0))
+    tracker = SteadiedTracker(
+        Faithful(), ssiam.StabilizerConfig(stabilize).with_options(choose=False, gate=0)
+    )
     tracker.init(frames[0], BOXES[0])
-    motions = [Motion.given(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
+    motions = [Motion.from_transform(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
     tracks = [tracker.update(frames[0].copy(), motion=motion) for motion in motions]
     for track, motion in zip(tracks, motions, strict=True):
         assert track.motion is motion

@@ -95,23 +95,23 @@ def test_a_mask_is_pasted_where_its_crop_was_cut():
 
 
 @pytest.mark.parametrize(
-    "centre_xy", [(40.0, 30.0), (-300.0, 100.0), (700.0, 390.0), (200.0, 900.0)]
+    "center_xy", [(40.0, 30.0), (-300.0, 100.0), (700.0, 390.0), (200.0, 900.0)]
 )
 @pytest.mark.parametrize("margin", [0, 50])
-def test_of_a_mask_the_part_in_the_picture_is_shown(centre_xy, margin):
+def test_of_a_mask_the_part_in_the_picture_is_shown(center_xy, margin):
     """Of a crop over the edge, or beyond it: the pixels are those of a larger picture."""
     far = 1000
-    there = centre_xy[0] + far, centre_xy[1] + far
+    there = center_xy[0] + far, center_xy[1] + far
     beyond = pasted(NOISE, there, 400, EVERYWHERE, (3000, 3000))
     whole = beyond.inside((3000, 3000))[far : far + 300, far : far + 400]
-    mask = pasted(NOISE, centre_xy, 400, EVERYWHERE, (400, 300), margin)
+    mask = pasted(NOISE, center_xy, 400, EVERYWHERE, (400, 300), margin)
     assert (mask.inside((400, 300)) == whole).all()
 
 
 def test_far_from_the_box_there_is_no_mask():
-    centre_xy, size_wh = (200.0, 150.0), (400, 300)
-    whole = pasted(NOISE, centre_xy, 300, EVERYWHERE, size_wh).inside(size_wh)
-    mask = pasted(NOISE, centre_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).inside(size_wh)
+    center_xy, size_wh = (200.0, 150.0), (400, 300)
+    whole = pasted(NOISE, center_xy, 300, EVERYWHERE, size_wh).inside(size_wh)
+    mask = pasted(NOISE, center_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).inside(size_wh)
     near = np.zeros_like(whole)
     near[95:156, 140:261] = True
     assert (mask == whole & near).all()

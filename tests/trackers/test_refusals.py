@@ -291,7 +291,7 @@ def test_camera_motion(frames, keypoints):
 def test_settings_that_are_no_settings(values):
     (name,) = values
     with pytest.raises(ArgumentError, match=name):
-        StabilizerConfig(**values)
+        StabilizerConfig().with_options(**values)
 
 
 @pytest.mark.parametrize("motion", [None, np.eye(3), "shake"])
@@ -300,7 +300,7 @@ def test_a_stabilizer_and_what_is_no_motion(motion):
         ssiam.Stabilizer(StabilizerConfig("paper")),
         ssiam.Stabilizer(StabilizerConfig("paper")),
     )
-    steps = [Motion.given([[1, 0, 3.0 * k], [0, 1, -2]], (320, 180)) for k in range(3)]
+    steps = [Motion.from_transform([[1, 0, 3.0 * k], [0, 1, -2]], (320, 180)) for k in range(3)]
     for step in steps:
         refused(asked.update, motion)
         np.testing.assert_array_equal(asked.update(step), alone.update(step))

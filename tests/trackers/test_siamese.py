@@ -50,7 +50,7 @@ def test_loop_is_the_reference(golden, video):
         assert best == z[f"{video}_best_idx"][t - 1]
         rate = penalty * score[best] * SIAMRPN.lr
         state = moved(state, boxes[:, best], zoom, rate, FrameView(frame))
-        assert state.centre_xy == pytest.approx(z[f"{video}_center"][t - 1], abs=1e-5)
+        assert state.center_xy == pytest.approx(z[f"{video}_center"][t - 1], abs=1e-5)
         assert state.size_wh == pytest.approx(z[f"{video}_size"][t - 1], abs=1e-5)
         assert state.xywh == pytest.approx(z[f"{video}_bbox"][t - 1], abs=1e-5)
         assert score[best] == pytest.approx(z[f"{video}_score"][t - 1], abs=1e-6)
@@ -62,7 +62,7 @@ def test_clipping_is_the_reference(golden):
     for (cx, cy, w, h), clipped in zip(z["clip_cases"], z["clip_out"], strict=True):
         state = TargetState((0.0, 0.0), (50.0, 50.0))
         after = moved(state, np.array([cx, cy, w, h]), 1.0, 1.0, view)
-        assert (*after.centre_xy, *after.size_wh) == pytest.approx(clipped)
+        assert (*after.center_xy, *after.size_wh) == pytest.approx(clipped)
 
 
 def test_a_steadied_centre_is_kept_inside_of_the_raw_frame():
@@ -70,7 +70,7 @@ def test_a_steadied_centre_is_kept_inside_of_the_raw_frame():
     view = FrameView(world(), stab_from_raw)
     state = TargetState((100.0, 100.0), (40.0, 40.0))
     far = moved(state, np.array([2000.0, 0.0, 40.0, 40.0]), 1.0, 1.0, view)
-    raw = map_points(view.raw_from_stab, [far.centre_xy])[0]
+    raw = map_points(view.raw_from_stab, [far.center_xy])[0]
     assert raw[0] == pytest.approx(640)
     near = moved(state, np.array([590.0, 40.0, 40.0, 40.0]), 1.0, 1.0, view)
-    assert near.centre_xy == (690.0, 140.0)  # beyond 640, but the raw frame shows it
+    assert near.center_xy == (690.0, 140.0)  # beyond 640, but the raw frame shows it

@@ -7,7 +7,7 @@ from helpers.stub_networks import Stub, fixed_responses, seeing_responses
 from helpers.synthetic import golden_video
 from helpers.tracker_loops import LoopTests, assert_crops, crop_sides, sha256
 from ssiam import FrameView
-from ssiam.geometry import frame_centre, rigid
+from ssiam.geometry import frame_center, rigid
 from ssiam.trackers.crops import siamfc_crop
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
 
@@ -55,7 +55,7 @@ def test_crops_are_the_reference(golden):
 
 def test_a_steadied_crop_is_that_of_the_rendered_view():
     frames, _ = golden_video("A", 1)
-    view = FrameView(frames[0], rigid(7, -4, 0.1, frame_centre((320, 240))))
+    view = FrameView(frames[0], rigid(7, -4, 0.1, frame_center((320, 240))))
     centre = np.array([160.0, 120.0], np.float32)
     fill = np.array([255.0, 128.0, 0.0])
     steadied = siamfc_crop(view, centre, 90.4, 127, fill).astype(int)

@@ -69,7 +69,7 @@ def test_a_first_box_is_centred_as_each_loop_does():
     authors = stub_tracker(seeing_maps(), replace(LOOPS["fool-box"], lr=0.0))
     for tracker, centre in ((pysot, (83.5, 121.5)), (authors, (84.0, 122.0))):
         tracker.init(FrameView(frames[0]), box)
-        assert tracker._state.centre_xy == centre
+        assert tracker._state.center_xy == centre
 
 
 class TestOnMarker(LoopTests):

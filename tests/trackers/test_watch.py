@@ -61,7 +61,7 @@ def test_doubtful_scores_leave_what_is_known_as_it_is():
 SIZE = (640, 480)
 BOX = (100.0, 80.0, 40.0, 40.0)
 STILL = Motion.none(SIZE, reliable=True)
-PAN = Motion.given([[1, 0, 10], [0, 1, 0]], SIZE)
+PAN = Motion.from_transform([[1, 0, 10], [0, 1, 0]], SIZE)
 
 
 def unseen(*motions):

@@ -186,5 +186,5 @@ def test_a_folder_that_cannot_be_resumed(weights, finished, tmp_path, changes, e
 
 def test_a_folder_that_cannot_be_made(weights, tmp_path):
     (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(SinkError, match="file/run cannot be made"):
+    with pytest.raises(SinkError, match="file/run: cannot be written"):
         toy.run(tmp_path / "file" / "run", weights)

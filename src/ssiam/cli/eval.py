@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import Parameter
 from rich.console import Console
 
-from ssiam.datasets import Sequence as VideoSequence
-from ssiam.datasets import open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
 from ssiam.evaluation.eao import interval_of
 from ssiam.evaluation.lines import ResultsError

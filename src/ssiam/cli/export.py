@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from ssiam.cli.options import report_left_parts, split_words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
-from ssiam.outputs import check_apart, check_output, is_stream, left_parts
+from ssiam.outputs import check_distinct, check_output, is_stream, leftover_parts
 from ssiam.video import open_source
 from ssiam.video.source_files import check_distinct_from_source
 
@@ -60,11 +60,11 @@ def export(
     """
     inputs = [("results", results)]
     if video is None:
-        check_apart([("--out", out)], inputs)
+        check_distinct([("--out", out)], inputs)
     else:
         check_distinct_from_source([("--out", out)], video, inputs)
     check_output(out, overwrite=overwrite)
-    report_left_parts(left_parts(out))
+    report_left_parts(leftover_parts(out))
     video_info = _video_info(video, size, fps, stream)
     named = None if names is None else split_words(names)
     annotations = read_annotations(results, video_info.size_wh, video_info.fps, named)

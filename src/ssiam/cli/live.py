@@ -22,7 +22,7 @@ from ssiam.cli.options import (
     report_left_parts,
 )
 from ssiam.errors import IncompleteError
-from ssiam.outputs import NamedPath, check_output, left_parts
+from ssiam.outputs import NamedPath, check_output, leftover_parts
 from ssiam.video.source_files import check_distinct_from_source
 from ssiam.web import Health, Note, Session
 from ssiam.web.recording_files import abandoned_recordings
@@ -135,7 +135,7 @@ def _check_outputs(
     check_distinct_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
-        report_left_parts(left_parts(rerun))
+        report_left_parts(leftover_parts(rerun))
 
 
 def _exit_if_stuck(

@@ -14,9 +14,9 @@ from cyclopts import Group, Parameter
 
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.outputs import NamedPath, check_apart
+from ssiam.outputs import NamedPath, check_distinct
 from ssiam.runtime import DeviceName, Precision, RuntimeName
-from ssiam.stabilize import StabilizerConfig
+from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, SteadiedTracker, TrackerName, load_tracker
 
 TARGET_GROUP = Group("Target", sort_key=1)
@@ -29,6 +29,11 @@ StabilizationOptions: TypeAlias = Annotated[
 """One option per field of the configuration, in the commands that track one video."""
 
 DEFAULT_STABILIZATION = StabilizerConfig()
+
+
+# Flags of the parts of `StabilizerConfig` have no prefix: --thx1, --no-choose.
+Parameter(name="*", group=Group("Stabilization: paper and literal", sort_key=11))(PaperConfig)
+Parameter(name="*", group=Group("Stabilization: predict", sort_key=12))(PredictConfig)
 
 
 @Parameter(name="*")
@@ -159,7 +164,7 @@ def _strengths(text: str) -> list[float]:
 def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[Path] = ()) -> None:
     """Raise `ArgumentError` if the folder of results is a dataset or holds weights."""
     inputs = [("the dataset", path) for path in datasets]
-    check_apart([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
+    check_distinct([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
 
 
 def report_left_parts(parts: Iterable[Path]) -> None:

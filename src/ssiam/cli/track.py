@@ -35,7 +35,7 @@ from ssiam.cli.options import (
 )
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.errors import ArgumentError, IncompleteError, StreamError, one_line
-from ssiam.geometry import XYWH, Transform, frame_centre, rigid_parameters
+from ssiam.geometry import XYWH, Transform, frame_center, rigid_parameters
 from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
@@ -110,7 +110,7 @@ def track(
     else:
         paths = OutputPaths.explicit(out, results, plot, layout, len(boxes), overwrite)
     paths.check(source, tracker_options.weight_files())
-    report_left_parts(paths.left_parts)
+    report_left_parts(paths.leftover_parts)
     with ExitStack() as stack:
         frames = stack.enter_context(
             open_source(
@@ -286,7 +286,7 @@ class _Summary:
             stabilized = (
                 stab_from_raw @ motion.cur_from_prev @ np.linalg.inv(self._prev_stab_from_raw)
             )
-            center = frame_centre(motion.size_wh)
+            center = frame_center(motion.size_wh)
             shifts = motion.shift_angle[:2], rigid_parameters(stabilized, center)[:2]
             self._moved += np.hypot(*np.transpose(shifts))
         self._prev_stab_from_raw = stab_from_raw

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from ssiam.errors import SinkError
 from ssiam.geometry import IDENTITY, Image
-from ssiam.outputs import NamedPath, check_output, left_parts
+from ssiam.outputs import NamedPath, check_output, leftover_parts
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.video import (
@@ -42,7 +42,7 @@ class OutputPaths:
         Number of targets.
     overwrite : bool
         Whether existing files may be replaced.
-    left_parts : tuple of Path
+    leftover_parts : tuple of Path
         Partial files of these outputs from earlier runs.
     """
 
@@ -52,7 +52,7 @@ class OutputPaths:
     layout: str | None
     targets: int
     overwrite: bool
-    left_parts: tuple[Path, ...] = ()
+    leftover_parts: tuple[Path, ...] = ()
 
     @classmethod
     def default(cls, stem: str, targets: int, overwrite: bool) -> OutputPaths:
@@ -61,7 +61,7 @@ class OutputPaths:
         for number in count(1):
             name = f"{stem}-tracked" if number == 1 else f"{stem}-tracked-{number}"
             video, results = Path(f"{name}.mp4"), Path(f"{name}.csv")
-            parts = [part for path in (video, results) for part in left_parts(path)]
+            parts = [part for path in (video, results) for part in leftover_parts(path)]
             left += parts
             if overwrite or not (parts or video.exists() or results.exists()):
                 return cls(video, results, None, None, targets, overwrite, tuple(left))
@@ -79,8 +79,8 @@ class OutputPaths:
     ) -> OutputPaths:
         """The paths given by the user; `SinkError` for an unknown kind of results."""
         chosen = cls(video, results, plot, layout, targets, overwrite)
-        left = [part for _, path in chosen.files() for part in left_parts(path)]
-        return replace(chosen, left_parts=tuple(left))
+        left = [part for _, path in chosen.files() for part in leftover_parts(path)]
+        return replace(chosen, leftover_parts=tuple(left))
 
     def files(self) -> list[NamedPath]:
         """All files to be written, with their options."""
@@ -138,7 +138,7 @@ class Outputs:
                     overwrite=overwrite,
                 )
             if paths.plot is not None:
-                self._plot = PathPlot(paths.plot, config.window, overwrite=overwrite)
+                self._plot = PathPlot(paths.plot, config.paper.window, overwrite=overwrite)
             if paths.video is not None:
                 self._video = _video_sink(paths.video, source, overwrite=overwrite)
             stack.pop_all()

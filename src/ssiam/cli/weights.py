@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from cyclopts import App, Parameter
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
-from ssiam.outputs import NamedPath, check_apart, output_error
+from ssiam.outputs import NamedPath, check_distinct, output_error
 from ssiam.runtime import MODEL_ZOO
 from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
@@ -195,6 +195,6 @@ def _check_folder(
     names = (*(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
     if pictures is None:
-        check_apart(outputs, inputs)
+        check_distinct(outputs, inputs)
     else:
         check_distinct_from_source(outputs, pictures, inputs)

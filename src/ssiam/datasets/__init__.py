@@ -1,14 +1,23 @@
-"""Datasets of tracking as they lie on disk: frames, where the target truly is, and tags."""
+"""Readers for tracking datasets in their published folder layouts: frames, ground truth, tags."""
 
-from ssiam.datasets.boxes import parse_boxes, read_boxes
-from ssiam.datasets.camera_paths import SHAKE_KINDS, ShakeKind
 from ssiam.datasets.clips import read_clip
 from ssiam.datasets.dataset import Dataset
-from ssiam.datasets.errors import DatasetError, UnknownSequenceError
-from ssiam.datasets.opening import KINDS, open_dataset
-from ssiam.datasets.sequence import Sequence, read_image
-from ssiam.datasets.shake import SHAKE_BORDERS, Shake, ShakeBorder, camera_path
-from ssiam.datasets.shaken_sequence import ShakenSequence, shaken, shaken_dataset
+from ssiam.datasets.ground_truth import parse_boxes, read_boxes
+from ssiam.datasets.images import read_image
+from ssiam.datasets.registry import KINDS, open_dataset
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.datasets.shake import (
+    SHAKE_BORDERS,
+    SHAKE_KINDS,
+    Shake,
+    ShakeBorder,
+    ShakeKind,
+    ShakenSequence,
+    camera_path,
+    shaken,
+    shaken_dataset,
+)
+from ssiam.errors import DatasetError, UnknownSequenceError
 
 __all__ = [
     "KINDS",
@@ -16,12 +25,12 @@ __all__ = [
     "SHAKE_KINDS",
     "Dataset",
     "DatasetError",
-    "Sequence",
     "Shake",
     "ShakeBorder",
     "ShakeKind",
     "ShakenSequence",
     "UnknownSequenceError",
+    "VideoSequence",
     "camera_path",
     "open_dataset",
     "parse_boxes",

@@ -1,8 +1,8 @@
-"""Clips of one's own: a video, or a folder of images, and a box file.
+"""User clips: a video or a folder of images, with a box file.
 
-The box file lies beside the video or folder under its name (walk.mp4, walk.txt), or is the only
-.txt among the images. It tells 0-based x, y, width, height of the first frame or of every frame,
-or the eight numbers of a polygon.
+The box file is beside the video or folder, with the same name (walk.mp4, walk.txt), or is the only
+.txt file among the images. It has 0-based x, y, width, height, or the eight numbers of a polygon,
+for the first frame or for every frame.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ssiam.datasets.boxes import located, read_boxes
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import image_folder, images_in
-from ssiam.datasets.pairing import check_counts
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.files import check_counts, image_folder, images_in
+from ssiam.datasets.ground_truth import read_boxes, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.errors import DatasetError
 from ssiam.video import open_source
 from ssiam.video.images import IMAGE_SUFFIXES
 
@@ -23,27 +22,27 @@ EXPECTS = "images with one .txt of boxes, or videos with a .txt of the same name
 
 _VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mpg", ".mpeg", ".ts")
 _BOX_SUFFIX = ".txt"
-# Other texts that lie beside images.
-_NO_BOXES = ("list", "readme", "license")
+# Other text files beside images.
+_NOT_BOXES = ("list", "readme", "license")
 _ORIGIN = 0
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The clip that `folder` is, and those of the videos in it that have boxes."""
+    """The videos in `folder` that have boxes; if there are none, the folder's images as a clip."""
     videos = (path for path in sorted(folder.iterdir()) if is_video(path))
     found = {
         path.stem: partial(read_clip, path, beside, options.as_published)
         for path, beside in ((path, path.with_suffix(_BOX_SUFFIX)) for path in videos)
         if beside.is_file()
     }
-    own = None if found else _own_boxes(folder)
-    if own is not None:
-        found[folder.name] = partial(read_clip, folder, own, options.as_published)
+    boxes = None if found else _box_file(folder)
+    if boxes is not None:
+        found[folder.name] = partial(read_clip, folder, boxes, options.as_published)
     return found
 
 
 def sequence_of_video(path: Path, options: Options) -> Readers:
-    """The clip of a single video; `DatasetError` if no box file lies beside it."""
+    """The clip of a single video; `DatasetError` if there is no box file beside it."""
     boxes = path.with_suffix(_BOX_SUFFIX)
     if not boxes.is_file():
         raise DatasetError(f"{path}: has no box file; write x,y,width,height into {boxes.name}")
@@ -51,32 +50,32 @@ def sequence_of_video(path: Path, options: Options) -> Readers:
 
 
 def is_video(path: Path) -> bool:
-    """Whether a path has the name of a video file and is a file."""
+    """Whether a path is a file with the suffix of a video."""
     return path.suffix.lower() in _VIDEO_SUFFIXES and path.is_file()
 
 
-def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> Sequence:
+def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of a video or folder of images, with boxes for its first or for every frame.
 
-    Boxes without area become nan unless `as_published`. A video of which only the first box is
-    told is decoded once, to count its frames.
+    Boxes without area become nan unless `as_published`. A video with a single box is decoded once,
+    to count its frames.
 
     Raises
     ------
     DatasetError
-        The boxes are missing or damaged, or are not one, or one for every image.
+        The boxes are missing or damaged, or there is neither one box nor one for every image.
     SourceError
         The video cannot be read.
     """
     truth = read_boxes(boxes)
     if truth.shape[1] == 4 and not as_published:
-        truth = located(truth, _ORIGIN)
+        truth = to_zero_based(truth, _ORIGIN)
     if frames.is_dir():
         images = images_in(image_folder(frames))
         check_counts(frames, len(images), len(truth), one_is_enough=True)
-        return Sequence(frames.name, images, truth)
+        return VideoSequence(frames.name, images, truth)
     count = _count(frames) if len(truth) == 1 else len(truth)
-    return Sequence(frames.stem, frames, truth, count=count)
+    return VideoSequence(frames.stem, frames, truth, count=count)
 
 
 def _count(video: Path) -> int:
@@ -84,13 +83,13 @@ def _count(video: Path) -> int:
         return sum(1 for _ in source)
 
 
-def _own_boxes(folder: Path) -> Path | None:
-    """The box file of a folder of images: beside it under its name, or the only one in it."""
+def _box_file(folder: Path) -> Path | None:
+    """The box file of a folder of images: beside it with its name, or the only one in it."""
     if not any(path.suffix.lower() in IMAGE_SUFFIXES for path in image_folder(folder).iterdir()):
         return None
     beside = folder.parent / f"{folder.name}{_BOX_SUFFIX}"
     if beside.is_file():
         return beside
     texts = (path for path in folder.glob(f"*{_BOX_SUFFIX}") if path.is_file())
-    inner = [path for path in texts if path.stem.lower() not in _NO_BOXES]
+    inner = [path for path in texts if path.stem.lower() not in _NOT_BOXES]
     return inner[0] if len(inner) == 1 else None

@@ -1,4 +1,4 @@
-"""`Dataset`: sequences by their names, each read from disk when it is asked for."""
+"""`Dataset`: sequences by name, each read from disk when it is looked up."""
 
 from __future__ import annotations
 
@@ -9,50 +9,50 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ssiam.datasets.errors import DatasetError, UnknownSequenceError
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.errors import DatasetError, UnknownSequenceError
 
-Readers: TypeAlias = Mapping[str, Callable[[], Sequence]]
+Readers: TypeAlias = Mapping[str, Callable[[], VideoSequence]]
 
 
 @dataclass(frozen=True)
 class Options:
-    """What of a dataset is read, and how.
+    """Options of `open_dataset`.
 
     Attributes
     ----------
     split : str or None
-        Part of the dataset ("test", "otb50", "uav20l"); None takes what lies there.
+        Part of the dataset ("test", "otb50", "uav20l"); None for all sequences in the folder.
     as_published : bool
-        Leave boxes as they stand in the file, 1-based ones and those without area too.
+        Return boxes as in the file, including 1-based ones and those without area.
     """
 
     split: str | None = None
     as_published: bool = False
 
 
-class LazySequences(Mapping[str, Sequence]):
-    """Sequences by name, read anew at every look-up, so that none stays in memory.
+class LazySequences(Mapping[str, VideoSequence]):
+    """Sequences by name, read at every lookup, so that none stays in memory.
 
-    Where one clip has several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
+    For clips with several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
 
     Raises
     ------
     UnknownSequenceError
-        No sequence has that name; also a `KeyError`.
+        There is no sequence of that name; also a `KeyError`.
     DatasetError
         Its files are missing or damaged.
     """
 
     def __init__(self, readers: Readers) -> None:
         self._readers = dict(readers)
-        self._spellings = {_spelling(name): name for name in readers}
+        self._by_spelling = {_spelling(name): name for name in readers}
 
-    def __getitem__(self, name: str) -> Sequence:
-        exact = name if name in self._readers else self._spellings.get(_spelling(name))
+    def __getitem__(self, name: str) -> VideoSequence:
+        exact = name if name in self._readers else self._by_spelling.get(_spelling(name))
         if exact is None:
             raise UnknownSequenceError(self._unknown(name))
-        with told_in_one_line():
+        with dataset_errors():
             return self._readers[exact]()
 
     def __iter__(self) -> Iterator[str]:
@@ -63,7 +63,7 @@ class LazySequences(Mapping[str, Sequence]):
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (
-            name in self._readers or _spelling(name) in self._spellings
+            name in self._readers or _spelling(name) in self._by_spelling
         )
 
     def _unknown(self, name: str) -> str:
@@ -80,24 +80,24 @@ class Dataset:
     Attributes
     ----------
     name : str
-        Name of its folder or file.
+        Name of the folder or file.
     kind : str
-        One of `ssiam.datasets.KINDS`: the layout that it was read by.
-    sequences : mapping of str to Sequence
-        Read when looked up; listing the names reads nothing.
+        One of `ssiam.datasets.KINDS`: the layout.
+    sequences : mapping of str to VideoSequence
+        Each is read when it is looked up; listing the names reads nothing.
     """
 
     name: str
     kind: str
-    sequences: Mapping[str, Sequence]
+    sequences: Mapping[str, VideoSequence]
 
     def __len__(self) -> int:
         return len(self.sequences)
 
 
 @contextmanager
-def told_in_one_line() -> Iterator[None]:
-    """Turns what the disk refuses inside of it (no permission, a loop of links) into one line."""
+def dataset_errors() -> Iterator[None]:
+    """Turn an `OSError` (no permission, a loop of links) into a `DatasetError` of one line."""
     try:
         yield
     except OSError as error:

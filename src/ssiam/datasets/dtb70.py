@@ -1,7 +1,7 @@
-"""DTB70: NAME/img/00001.jpg and NAME/groundtruth_rect.txt, or NAME.txt where one was got alone.
+"""DTB70: NAME/img/00001.jpg and NAME/groundtruth_rect.txt, or NAME.txt in a single sequence.
 
-Its authors do not say from where pixels count; toolkits leave the boxes as they stand, and so does
-this reader.
+The authors do not state the origin of the pixel coordinates; toolkits do not change the boxes, and
+neither does this reader.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ssiam.datasets.files import named_like
 EXPECTS = "groundtruth_rect.txt and img/00001.jpg in each sequence's folder"
 
 _TRUTH = "groundtruth_rect.txt"
-# The only sequence of OTB whose images have names of five digits too.
+# The only sequence of OTB whose image names have five digits too.
 _NOT_DTB70 = "Board"
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout."""
+    """The sequence in `folder`, if it has this layout."""
     if not (folder / "img").is_dir() or folder.name == _NOT_DTB70:
         return {}
     published = folder / _TRUTH if (folder / "img" / "00001.jpg").is_file() else None

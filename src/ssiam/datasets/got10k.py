@@ -1,7 +1,7 @@
-"""GOT-10k: train/, val/ and test/, in each list.txt and folders of 00000001.jpg and labels.
+"""GOT-10k: train/, val/ and test/, each with list.txt and folders of 00000001.jpg and labels.
 
-Its authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers take
-them as they stand: so does this reader. Of the test sequences only the first box is told.
+The authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers use
+them unchanged, as this reader does. Test sequences only have their first box.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import located, read_xywh
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.files import images_in
-from ssiam.datasets.labels import read_flags, read_levels
-from ssiam.datasets.pairing import check_counts
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.files import check_counts, images_in
+from ssiam.datasets.ground_truth import read_flags, read_labels, read_xywh, to_zero_based
+from ssiam.datasets.sequence import VideoSequence
 
 EXPECTS = "groundtruth.txt, meta_info.ini and 00000001.jpg in each GOT-10k_... folder"
 SPLITS = ("train", "val", "test")
@@ -27,12 +25,12 @@ _TRUTH = "groundtruth.txt"
 _MARKS = ("meta_info.ini", "absence.label", "cover.label")
 _NAME = "GOT-10k_"
 _FLAGS = ("absence", "cut_by_image")
-# Steps of cover.label, from hidden (0) to wholly visible (8).
-_WHOLLY_VISIBLE = 8
+# Steps of cover.label, from hidden (0) to fully visible (8).
+_FULLY_VISIBLE = 8
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout and of the wanted split."""
+    """The sequence in `folder`, if it has this layout and is in the requested split."""
     if not (folder / _TRUTH).is_file() or options.split not in (None, folder.resolve().parent.name):
         return {}
     if not folder.name.startswith(_NAME) and not any((folder / mark).is_file() for mark in _MARKS):
@@ -40,14 +38,14 @@ def sequences_in(folder: Path, options: Options) -> Readers:
     return {folder.name: partial(read_got10k, folder, options.as_published)}
 
 
-def read_got10k(folder: Path, as_published: bool = False) -> Sequence:
-    """One sequence; `DatasetError` if something of it is missing or damaged."""
+def read_got10k(folder: Path, as_published: bool = False) -> VideoSequence:
+    """One sequence; `DatasetError` if a file is missing or damaged."""
     frames, boxes = images_in(folder), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes), one_is_enough=True)
-    return Sequence(
+    return VideoSequence(
         folder.name,
         frames,
-        boxes if as_published else located(boxes, _ORIGIN),
+        boxes if as_published else to_zero_based(boxes, _ORIGIN),
         tags=_tags(folder, len(frames)),
     )
 
@@ -57,5 +55,5 @@ def _tags(folder: Path, count: int) -> dict[str, NDArray[np.bool_]]:
     tags = {name: read_flags(path, count) for name, path in paths.items() if path.is_file()}
     cover = folder / "cover.label"
     if cover.is_file():
-        tags["occlusion"] = read_levels(cover, count) < _WHOLLY_VISIBLE
+        tags["occlusion"] = read_labels(cover, count) < _FULLY_VISIBLE
     return tags

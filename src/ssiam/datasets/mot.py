@@ -1,12 +1,12 @@
-"""MOTChallenge: NAME/img1/000001.jpg, NAME/gt/gt.txt and, where it is there, NAME/seqinfo.ini.
+"""MOTChallenge: NAME/img1/000001.jpg, NAME/gt/gt.txt and optionally NAME/seqinfo.ini.
 
 Each line of gt.txt is ``frame, id, x, y, w, h, flag[, class[, visibility]]``; frames and pixels
-count from 1. Every object is a sequence, NAME-ID, from its first to its last visible frame, and
-knows the others (`Sequence.others`).
+count from 1. Every object is a sequence, NAME-ID, from its first to its last visible frame, with
+the boxes of the other objects (`VideoSequence.others`).
 
-Objects with the flag 0 are not evaluated in MOTChallenge and are left out. So are classes that do
+Objects with the flag 0 are not evaluated in MOTChallenge and are left out, as are classes that do
 not move or are not objects (static person, distractor, occluder, reflection, crowd). Files with ten
-columns (2D MOT 2015) have no classes; their last columns are coordinates in the world.
+columns (2D MOT 2015) have no classes; their last columns are world coordinates.
 """
 
 from __future__ import annotations
@@ -22,12 +22,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import located
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import images_in, inside, numbered, read_text, subfolders
-from ssiam.datasets.pairing import frames_by_number
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.files import (
+    frames_by_number,
+    images_in,
+    inside,
+    numbered,
+    read_text,
+    subfolders,
+)
+from ssiam.datasets.ground_truth import to_zero_based
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.errors import DatasetError
 
 EXPECTS = "gt/gt.txt and img1/ in each clip's folder"
 
@@ -37,23 +43,21 @@ _TRUTH: Final = "gt/gt.txt"
 _INFO: Final = "seqinfo.ini"
 _IMAGES: Final = "img1"
 _ORIGIN: Final = 1
-# Folders below the dataset's own in which clips lie: MOT17/train/MOT17-02-FRCNN.
-_DEEPEST: Final = 2
-# Bytes. The largest file of MOT20 has 30 million.
-_LARGEST: Final = 64 * 1024 * 1024
-_FEWEST, _MOST = 6, 10  # columns
+_MAX_DEPTH: Final = 2  # folders between the dataset and its clips: MOT17/train/MOT17-02-FRCNN
+_MAX_BYTES: Final = 64 * 1024 * 1024  # the largest file of MOT20 has 30 million
+_MIN_COLUMNS, _MAX_COLUMNS = 6, 10
 _FLAG, _CLASS, _VISIBILITY = 6, 7, 8  # columns, from 0
-# Classes of MOT16, MOT17 and MOT20 that move: pedestrian, person on a vehicle, car, bicycle,
-# motorbike, vehicle without a motor. 7 to 13 are static persons, distractors, occluders,
+# Moving classes of MOT16, MOT17 and MOT20: pedestrian, person on a vehicle, car, bicycle,
+# motorbike, non-motorized vehicle. 7 to 13 are static persons, distractors, occluders,
 # reflections and crowds.
 _MOVING: Final = (1, 2, 3, 4, 5, 6)
 _NO_CLASS: Final = -1
-_GREATEST: Final = 10_000_000  # of a frame or an id; more is damage
+_MAX_NUMBER: Final = 10_000_000  # of a frame or an id; larger numbers are damage
 
 
 @dataclass(frozen=True, eq=False)
 class MotObject:
-    """An object of a clip in the frames that show it.
+    """An object of a clip, in the frames in which it is visible.
 
     Attributes
     ----------
@@ -71,11 +75,11 @@ class MotObject:
 
     @property
     def span(self) -> tuple[int, int]:
-        """First and last frame that show it."""
+        """First and last frame with a box."""
         return int(self.frames[0]), int(self.frames[-1])
 
     def boxes(self, first: int, count: int) -> NDArray[np.float64]:
-        """Boxes (count, 4) of the frames from `first` on, nan where there is none."""
+        """Boxes (count, 4) of the frames from `first` on, nan in frames without a box."""
         found = np.full((count, 4), np.nan)
         taken = (self.frames >= first) & (self.frames < first + count)
         found[self.frames[taken] - first] = self.xywh[taken]
@@ -94,7 +98,7 @@ class MotClip:
     objects : tuple of MotObject
         By id.
     size_wh : (int, int), optional
-        Width and height of the frames, pixels, where seqinfo.ini tells them.
+        Width and height of the frames, pixels, from seqinfo.ini.
     """
 
     folder: Path
@@ -104,7 +108,7 @@ class MotClip:
 
     @property
     def name(self) -> str:
-        """Name of its folder."""
+        """Name of the folder."""
         return self.folder.resolve().name
 
     def name_of(self, target: MotObject) -> str:
@@ -112,9 +116,9 @@ class MotClip:
         return f"{self.name}-{target.number}"
 
     def paths(self, first: int, count: int | None = None) -> tuple[Path, ...]:
-        """The images of `count` frames from index `first` on, or of all of them.
+        """The images of `count` frames from index `first` on, by default of all.
 
-        Frames are the numbers of the images, or their order where an image has another name.
+        Frames are numbered by the image names, or by their order if an image has another name.
 
         Raises
         ------
@@ -130,7 +134,7 @@ class MotClip:
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequences of the clip in `folder`, one for each object; reads its gt.txt."""
+    """The sequences of the clip in `folder`, one per object; reads its gt.txt."""
     if not is_clip(folder):
         return {}
     clip = read_clip(folder, as_published=options.as_published)
@@ -138,21 +142,21 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 
 
 def is_clip(folder: Path) -> bool:
-    """Whether a folder is a clip of this layout with its truth."""
-    is_one = (folder / _IMAGES).is_dir() or (folder / _INFO).is_file()
-    return is_one and (folder / _TRUTH).is_file()
+    """Whether a folder is a clip of this layout with ground truth."""
+    is_clip_folder = (folder / _IMAGES).is_dir() or (folder / _INFO).is_file()
+    return is_clip_folder and (folder / _TRUTH).is_file()
 
 
 def clip_folders(folder: Path) -> list[Path]:
-    """The clip that `folder` is, or else those in it, or else those in the folders in it.
+    """`folder` itself if it is a clip, else the clips in it, else those in its subfolders.
 
     Raises
     ------
     DatasetError
-        There are none.
+        There are no clips.
     """
     folders = [folder] if folder.is_dir() else []
-    for _ in range(_DEEPEST + 1):
+    for _ in range(_MAX_DEPTH + 1):
         found = [path for path in folders if is_clip(path)]
         if found:
             return found
@@ -169,37 +173,37 @@ def read_clip(
     ----------
     folder : Path
     as_published : bool
-        Leave the boxes 1-based.
+        Return 1-based boxes.
     least_visible : float
-        Share 0..1 of an object that is visible at least; boxes of which less is visible, and those
-        without area, are left out.
+        Smallest visible share 0..1; boxes with a smaller one, and those without area, are left
+        out.
 
     Raises
     ------
     DatasetError
-        A file is missing or damaged, or has two boxes of an object in one frame.
+        A file is missing or damaged, or an object has two boxes in one frame.
     """
     path = folder / _TRUTH
     rows = _rows(path)
     rows = rows[_is_target(rows) & (_visibility(rows) >= least_visible)]
-    xywh = rows[:, 2:6] if as_published else located(rows[:, 2:6], _ORIGIN)
+    xywh = rows[:, 2:6] if as_published else to_zero_based(rows[:, 2:6], _ORIGIN)
     has_area = (rows[:, 4:6] > 0).all(axis=1)
     objects = []
     for number in np.unique(rows[has_area, 1]):
-        own = np.flatnonzero(has_area & (rows[:, 1] == number))
-        own = own[np.argsort(rows[own, 0])]
-        twice = np.flatnonzero(np.diff(rows[own, 0]) == 0)
+        indices = np.flatnonzero(has_area & (rows[:, 1] == number))
+        indices = indices[np.argsort(rows[indices, 0])]
+        twice = np.flatnonzero(np.diff(rows[indices, 0]) == 0)
         if len(twice):
-            frame = rows[own[twice[0]], 0]
+            frame = rows[indices[twice[0]], 0]
             raise DatasetError(f"{path}: frame {frame:g} has two boxes of the id {number:g}")
-        frames = rows[own, 0].astype(np.int64) - _ORIGIN
-        objects.append(MotObject(int(number), frames, xywh[own]))
+        frames = rows[indices, 0].astype(np.int64) - _ORIGIN
+        objects.append(MotObject(int(number), frames, xywh[indices]))
     info = _info(folder / _INFO)
     images = inside(folder, info.get("imdir") or _IMAGES, folder / _INFO)
     return MotClip(folder, images, tuple(objects), _size_wh(info))
 
 
-def _sequence(clip: MotClip, target: MotObject) -> Sequence:
+def _sequence(clip: MotClip, target: MotObject) -> VideoSequence:
     first, last = target.span
     count = last - first + 1
     truth = target.boxes(first, count)
@@ -208,30 +212,30 @@ def _sequence(clip: MotClip, target: MotObject) -> Sequence:
         for each in clip.objects
         if each is not target and each.span[0] <= last and each.span[1] >= first
     }
-    return Sequence(
+    return VideoSequence(
         clip.name_of(target), clip.paths(first, count), truth, size_wh=clip.size_wh, others=others
     )
 
 
 def _rows(path: Path) -> NDArray[np.float64]:
-    """The numbers (N, 6 to 10) of a truth file."""
-    text = read_text(path, _LARGEST)
+    """The numbers (N, 6 to 10) of a ground truth file."""
+    text = read_text(path, _MAX_BYTES)
     if not text.strip():
-        raise DatasetError(f"{path}: holds no box; get it again")
+        raise DatasetError(f"{path}: has no boxes; get it again")
     try:
         rows = np.loadtxt(io.StringIO(text), delimiter=",", ndmin=2, comments=None)
     except ValueError as error:
         raise DatasetError(f"{path}: {str(error).partition(';')[0].rstrip('.')}") from None
-    if not _FEWEST <= rows.shape[1] <= _MOST:
+    if not _MIN_COLUMNS <= rows.shape[1] <= _MAX_COLUMNS:
         raise DatasetError(
-            f"{path}: has {rows.shape[1]} columns; expected {_FEWEST} to {_MOST}, "
+            f"{path}: has {rows.shape[1]} columns; expected {_MIN_COLUMNS} to {_MAX_COLUMNS}, "
             "frame,id,x,y,w,h,flag,class,visibility"
         )
     counts = rows[:, :2]
-    sound = np.isfinite(rows[:, :6]).all(axis=1) & (abs(counts) <= _GREATEST).all(axis=1)
-    sound &= (counts == np.round(counts)).all(axis=1) & (rows[:, 0] >= _ORIGIN)
-    if not sound.all():
-        number = int(np.flatnonzero(~sound)[0])
+    valid = np.isfinite(rows[:, :6]).all(axis=1) & (abs(counts) <= _MAX_NUMBER).all(axis=1)
+    valid &= (counts == np.round(counts)).all(axis=1) & (rows[:, 0] >= _ORIGIN)
+    if not valid.all():
+        number = int(np.flatnonzero(~valid)[0])
         shown = ",".join(f"{value:g}" for value in rows[number, :6])
         raise DatasetError(
             f"{path}: box {number + 1} is {shown}; expected a frame from 1 on, a whole id "
@@ -241,17 +245,17 @@ def _rows(path: Path) -> NDArray[np.float64]:
 
 
 def _is_target(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which rows (N,) are of objects that are evaluated and move."""
+    """Rows (N,) of evaluated objects of moving classes."""
     kept = np.ones(len(rows), dtype=np.bool_)
     if rows.shape[1] > _FLAG:
         kept &= rows[:, _FLAG] != 0
-    if _CLASS < rows.shape[1] < _MOST:
+    if _CLASS < rows.shape[1] < _MAX_COLUMNS:
         kept &= np.isin(rows[:, _CLASS], (*_MOVING, _NO_CLASS))
     return kept
 
 
 def _visibility(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The visible share (N,) of each box; 1 where there are no such shares."""
+    """The visible share (N,) of each box; 1 if the file has no visibility column."""
     if rows.shape[1] == _VISIBILITY + 1:
         shares = rows[:, _VISIBILITY]
         if ((shares >= 0) & (shares <= 1)).all():
@@ -260,7 +264,7 @@ def _visibility(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _info(path: Path) -> Mapping[str, str]:
-    """The keys of seqinfo.ini in lower case; none where there is no such file."""
+    """The keys of seqinfo.ini in lower case; empty if there is no such file."""
     if not path.is_file():
         return {}
     parser = configparser.ConfigParser(interpolation=None, strict=False)

@@ -1,7 +1,7 @@
 """pysot's JSON files (VOT2018.json, ...): all boxes and tags of a dataset in one file.
 
-The images are looked for beside the file, and in a folder of its name beside it. They may be
-absent: raw results are scored without them.
+The images are searched beside the file and in a folder of its name. They may be missing: raw
+results are scored without them.
 """
 
 from __future__ import annotations
@@ -15,25 +15,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets.boxes import stacked
 from ssiam.datasets.dataset import Readers
-from ssiam.datasets.errors import DatasetError
-from ssiam.datasets.files import inside, read_text
-from ssiam.datasets.pairing import check_counts
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.files import check_counts, inside, read_text
+from ssiam.datasets.ground_truth import stack_rows
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.errors import DatasetError
 
-EXPECTS = "a .json that tells img_names and gt_rect of each sequence"
+EXPECTS = "a .json with img_names and gt_rect of each sequence"
 
-# Bytes. VOT2018.json has 2.3 million; decoded, a JSON file takes up to thirty times its size.
-_LARGEST = 16 * 1024 * 1024
+# Bytes. VOT2018.json has 2.3 million; decoded, a JSON file needs up to thirty times its size.
+_MAX_BYTES = 16 * 1024 * 1024
 _NEEDED = ("img_names", "gt_rect")
-# Whole numbers in JSON may be larger than a float holds.
-_LARGEST_PIXEL = 1e9
-# Characters of a sequence's name, and tags of one: what is more was not written by pysot.
-_LONGEST_NAME = 100
-_MOST_TAGS = 50
-# Lists of the length of the sequence that are no tags.
-_NO_TAGS = (*_NEEDED, "init_rect")
+_MAX_PIXEL = 1e9  # integers in JSON may exceed the range of floats
+# Characters of a sequence's name, and tags of one sequence: pysot's files stay below.
+_MAX_NAME = 100
+_MAX_TAGS = 50
+# Lists with one entry per frame that are not tags.
+_NOT_TAGS = (*_NEEDED, "init_rect")
 
 _Record = Mapping[str, Any]
 
@@ -44,18 +42,20 @@ def sequences_in_file(path: Path) -> Readers:
     Raises
     ------
     DatasetError
-        It is not JSON, or not of this form.
+        It is not JSON, or has another form.
     """
     try:
-        records = json.loads(read_text(path, _LARGEST))
+        records = json.loads(read_text(path, _MAX_BYTES))
     except (ValueError, RecursionError):
-        raise DatasetError(f"{path}: is not JSON, or is cut off; get it again") from None
+        raise DatasetError(f"{path}: is not JSON, or is truncated; get it again") from None
     if not isinstance(records, dict) or not records or not all(map(_is_record, records.values())):
         raise DatasetError(f"{path}: expected {EXPECTS}; get one of pysot's files")
     for name in records:
-        # Results are written to files of these names.
-        if len(name) > _LONGEST_NAME or not name.isprintable() or Path(name).name != name:
-            raise DatasetError(f"{path}: {name[:40]!r} is no name of a sequence; rename it")
+        # Result files are named after the sequences.
+        if len(name) > _MAX_NAME or not name.isprintable() or Path(name).name != name:
+            raise DatasetError(
+                f"{path}: {name[:40]!r} is not a valid name of a sequence; rename it"
+            )
     return {name: partial(_sequence, path, name, record) for name, record in records.items()}
 
 
@@ -63,45 +63,45 @@ def _is_record(record: object) -> bool:
     return isinstance(record, dict) and all(isinstance(record.get(key), list) for key in _NEEDED)
 
 
-def _sequence(path: Path, name: str, record: _Record) -> Sequence:
+def _sequence(path: Path, name: str, record: _Record) -> VideoSequence:
     where = f"{path}: {name}"
     images = _images(path, record)
-    truth = stacked([_row(value, where) for value in record["gt_rect"]], where)
+    truth = stack_rows([_row(value, where) for value in record["gt_rect"]], where)
     check_counts(where, len(images), len(truth))
-    return Sequence(
+    return VideoSequence(
         name, images, truth, tags=_tags(record, len(truth), where), size_wh=_size_wh(record)
     )
 
 
 def _images(path: Path, record: _Record) -> tuple[Path, ...]:
-    """Paths under the first of the usual places that holds the sequence."""
+    """Paths under the first of the usual folders that has the sequence."""
     names = [str(name) for name in record["img_names"]]
-    places = (path.parent, path.parent / path.stem)
-    here = (place for place in places if names and inside(place, names[0], path).is_file())
-    root = next(here, path.parent)
+    folders = (path.parent, path.parent / path.stem)
+    found = (folder for folder in folders if names and inside(folder, names[0], path).is_file())
+    root = next(found, path.parent)
     return tuple(inside(root, name, path) for name in names)
 
 
 def _row(value: object, where: str) -> tuple[float, ...]:
     if isinstance(value, list) and len(value) in (4, 8) and all(map(_is_number, value)):
         return tuple(map(float, value))
-    raise DatasetError(f"{where}: gt_rect holds {str(value)[:40]!r}, not 4 or 8 numbers")
+    raise DatasetError(f"{where}: gt_rect has {str(value)[:40]!r}; expected 4 or 8 numbers")
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not abs(value) >= _LARGEST_PIXEL
+    return isinstance(value, (int, float)) and not abs(value) >= _MAX_PIXEL
 
 
 def _tags(record: _Record, count: int, where: str) -> dict[str, NDArray[np.bool_]]:
-    """Lists of 0 and 1 a frame (an empty one is all 0), and the names under "attr"."""
+    """Lists of 0 and 1 for each frame (all 0 if empty), and the names under "attr"."""
     lists = {
         key: value
         for key, value in record.items()
-        if isinstance(value, list) and key not in _NO_TAGS and key != "attr"
+        if isinstance(value, list) and key not in _NOT_TAGS and key != "attr"
     }
     named = record.get("attr", [])
-    if not isinstance(named, list) or len(lists) + len(named) > _MOST_TAGS:
-        raise DatasetError(f"{where}: attr is no list, or there are more than {_MOST_TAGS} tags")
+    if not isinstance(named, list) or len(lists) + len(named) > _MAX_TAGS:
+        raise DatasetError(f"{where}: attr is not a list, or there are more than {_MAX_TAGS} tags")
     for key, value in lists.items():
         if len(value) not in (0, count) or not all(flag in (0, 1) for flag in value):
             raise DatasetError(f"{where}: {key[:40]!r} is not a 0 or 1 for each of {count} frames")

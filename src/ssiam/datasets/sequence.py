@@ -1,4 +1,4 @@
-"""`Sequence`: the frames of one clip and where its target truly is."""
+"""`VideoSequence`: the frames of one clip and the ground truth of its target."""
 
 from __future__ import annotations
 
@@ -6,21 +6,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.datasets.images import read_deep
 from ssiam.errors import SourceError
 from ssiam.geometry import XYWH, Image, area_preserving_xywh
 from ssiam.video import open_source
-from ssiam.video.images import UnreadableImage, read_pages
 from ssiam.video.levels import LEVEL_FRAMES, Levels, find_levels, to_8bit
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
-    """One sequence of a dataset, as its reader found it on disk.
+class VideoSequence:
+    """One sequence of a dataset.
 
     Threads: a value; any number of threads may share it.
 
@@ -28,23 +27,23 @@ class Sequence:
     ----------
     name : str
     frames : tuple of Path, or Path
-        The image of every frame, in order; or one video file, whose frames from `first` on are
-        the sequence's. Images may be absent where only the truth was got (`ssiam.datasets.pysot`).
+        The image of every frame, in order; or one video file, which has the frames from `first`
+        on. Images may be missing if only the ground truth is there (`ssiam.datasets.pysot`).
     truth : (N, 4) or (N, 8) float64
-        Where the target is: x, y, w, h, or the corners x1, y1, ... x4, y4; 0-based pixels, nan
-        where it is not told. N may be smaller than the number of frames (GOT-10k tells one).
+        Ground truth: x, y, w, h, or the corners x1, y1, ... x4, y4; 0-based pixels, nan if
+        unknown. N may be smaller than the number of frames (1 in the test set of GOT-10k).
     tags : mapping of str to (N,) bool
-        Frames that carry a tag ("camera_motion", "occlusion", ...); an attribute of the whole
-        sequence is true in every frame.
+        Frames that have a tag ("camera_motion", "occlusion", ...); an attribute of the whole
+        sequence is True in every frame.
     first : int
         Index of the first frame in a video file.
     size_wh : (int, int), optional
-        Width and height of the frames, pixels, where the dataset tells it.
+        Width and height of the frames, pixels, if the dataset has it.
     count : int, optional
-        Number of frames of a video file; None: as many as there are rows in `truth`.
+        Number of frames of a video file; by default the number of rows of `truth`.
     others : mapping of str to (N, 4) float64
         Boxes of other objects in the same frames, by the names of their sequences: x, y, w, h,
-        nan where an object is not visible. Empty where the dataset tells one object a clip.
+        nan while an object is not visible. Empty if the dataset has one object per clip.
     """
 
     name: str
@@ -62,14 +61,14 @@ class Sequence:
         return len(self.truth) if self.count is None else self.count
 
     def images(self, start: int = 0) -> Iterator[Image]:
-        """The frames (H, W, 3) uint8 BGR from index `start` on, one after another.
+        """Iterate over the frames (H, W, 3) uint8 BGR from index `start` on.
 
         Raises
         ------
         SourceError
-            A frame cannot be read, or a video ends too early; the message names the file.
+            A frame cannot be read, or a video is too short; the message names the file.
         StreamError
-            A video broke off.
+            A video ended early because it is damaged.
         """
         if isinstance(self.frames, tuple):
             yield from self._read(self.frames, start)
@@ -77,12 +76,12 @@ class Sequence:
             yield from self._decoded(self.frames, start)
 
     def _read(self, paths: tuple[Path, ...], start: int) -> Iterator[Image]:
-        """Images from index `start` on; deep ones by levels of the sequence's first frames."""
+        """Images from index `start` on; deep ones are scaled by levels of the first frames."""
         levels: Levels | None = None
         for path in paths[start:]:
-            image = _as_it_is(path)
+            image = read_deep(path)
             if image.dtype != np.uint8 and levels is None:
-                levels = find_levels(map(_as_it_is, paths[:LEVEL_FRAMES])) or find_levels([image])
+                levels = find_levels(map(read_deep, paths[:LEVEL_FRAMES])) or find_levels([image])
             yield to_8bit(image, levels)
 
     def _decoded(self, path: Path, start: int) -> Iterator[Image]:
@@ -90,21 +89,21 @@ class Sequence:
         with open_source(path) as source:
             for frame in islice(source, self.first + start, self.first + len(self)):
                 if source.info.undecoded:
-                    # Every box from here on would be taken for that of an earlier frame.
+                    # Without this frame, every later box would belong to the wrong frame.
                     raise SourceError(
                         f"{path}: a frame before number {self.first + delivered} (from 0) cannot "
-                        "be decoded, so that boxes and frames do not fit; get the video again"
+                        "be decoded, so that boxes and frames do not match; get the video again"
                     )
                 yield frame.image
                 delivered += 1
         if delivered < len(self):
             raise SourceError(
                 f"{path}: ends before frame {self.first + len(self) - 1} (from 0), for which "
-                "there is a box; is it the video that the boxes were drawn on?"
+                "there is a box; check that video and boxes belong together"
             )
 
     def box(self, index: int) -> XYWH:
-        """Upright box of the target in a frame; of a polygon, the one of its centre and area."""
+        """Upright box of the target in a frame; for a polygon, that of its center and area."""
         row = self.truth[index]
         if len(row) == 4:
             x, y, w, h = row.tolist()
@@ -112,31 +111,6 @@ class Sequence:
         return area_preserving_xywh(row.reshape(4, 2))
 
     def other_boxes(self, index: int) -> NDArray[np.float64]:
-        """Boxes (K, 4) of the other objects that are visible in a frame: x, y, w, h."""
+        """Boxes (K, 4) x, y, w, h of the other objects that are visible in a frame."""
         rows = (boxes[index] for boxes in self.others.values())
         return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 4)
-
-
-def read_image(path: Path, levels: Levels | None = None) -> Image:
-    """An image file as (H, W, 3) uint8 BGR; `SourceError` if it is none.
-
-    Values of more than 8 bits are shown by `levels`, else by those of the image itself.
-    """
-    image = _as_it_is(path)
-    return to_8bit(image, levels or find_levels([image]))
-
-
-def image_levels(path: Path) -> Levels | None:
-    """The levels of a sequence that begins with this image; None if it has 8 bits."""
-    return find_levels([_as_it_is(path)])
-
-
-def _as_it_is(path: Path) -> NDArray[Any]:
-    """The (first) image in a file, in its own depth; `SourceError` if there is none."""
-    if not path.exists():
-        raise SourceError(f"{path}: does not exist; get the frames of the dataset")
-    try:
-        _, image = next(read_pages(path))
-    except UnreadableImage:
-        raise SourceError(f"{path}: is not an image that can be read; get it again") from None
-    return image

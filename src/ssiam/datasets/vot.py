@@ -1,7 +1,7 @@
-"""VOT2013 to VOT2019, as the challenge's own toolkits keep them.
+"""VOT2013 to VOT2019, in the layouts of the challenge's toolkits.
 
-Both forms are read: the classic one (groundtruth.txt beside 00000001.jpg) and the newer one (a file
-`sequence` of key=value lines, the images in color/). Boxes are left as they stand: 0-based.
+Both layouts are read: the classic one (groundtruth.txt beside 00000001.jpg) and the newer one (a
+file `sequence` of key=value lines, the images in color/). Boxes are not changed: 0-based.
 """
 
 from __future__ import annotations
@@ -9,12 +9,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ssiam.datasets.boxes import read_boxes
 from ssiam.datasets.dataset import Options, Readers
-from ssiam.datasets.files import image_folder, images_in, inside, read_text
-from ssiam.datasets.labels import read_flags
-from ssiam.datasets.pairing import check_counts
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.files import check_counts, image_folder, images_in, inside, read_text
+from ssiam.datasets.ground_truth import read_boxes, read_flags
+from ssiam.datasets.sequence import VideoSequence
 
 EXPECTS = "groundtruth.txt in each sequence's folder, with the images in it or in its color/"
 
@@ -24,19 +22,19 @@ _TAG_SUFFIXES = (".tag", ".label")
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
-    """The sequence that `folder` holds, if it is one of this layout."""
-    is_one = (folder / _TRUTH).is_file() or (folder / _SETTINGS).is_file()
-    return {folder.name: partial(read_vot, folder)} if is_one else {}
+    """The sequence in `folder`, if it has this layout."""
+    is_sequence = (folder / _TRUTH).is_file() or (folder / _SETTINGS).is_file()
+    return {folder.name: partial(read_vot, folder)} if is_sequence else {}
 
 
-def read_vot(folder: Path) -> Sequence:
-    """One sequence; `DatasetError` if something of it is missing or damaged."""
+def read_vot(folder: Path) -> VideoSequence:
+    """One sequence; `DatasetError` if a file is missing or damaged."""
     settings = _settings(folder / _SETTINGS)
     frames = images_in(_frames_folder(folder, settings))
     truth = read_boxes(inside(folder, settings.get("groundtruth", _TRUTH), folder / _SETTINGS))
     check_counts(folder, len(frames), len(truth))
     tag_files = sorted(path for path in folder.iterdir() if path.suffix in _TAG_SUFFIXES)
-    return Sequence(
+    return VideoSequence(
         folder.name,
         frames,
         truth,
@@ -53,17 +51,17 @@ def _settings(path: Path) -> dict[str, str]:
 
 
 def _frames_folder(folder: Path, settings: dict[str, str]) -> Path:
-    """Where the default channel lies; its pattern (color/%08d.jpg) only tells the folder."""
+    """The folder of the default channel, taken from its file pattern (color/%08d.jpg)."""
     channel = settings.get("channel.default", "color")
     pattern = settings.get(f"channels.{channel}")
     if pattern is None:
         return image_folder(folder)
-    told = inside(folder, pattern, folder / _SETTINGS)
-    return told.parent if "%" in told.name else told
+    path = inside(folder, pattern, folder / _SETTINGS)
+    return path.parent if "%" in path.name else path
 
 
 def _size_wh(settings: dict[str, str]) -> tuple[int, int] | None:
-    told = [settings.get(key, "") for key in ("width", "height")]
-    if not all(value.isascii() and value.isdigit() and len(value) < 7 for value in told):
+    values = [settings.get(key, "") for key in ("width", "height")]
+    if not all(value.isascii() and value.isdigit() and len(value) < 7 for value in values):
         return None
-    return int(told[0]), int(told[1])
+    return int(values[0]), int(values[1])

@@ -12,8 +12,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from ssiam.datasets import Dataset, Shake, open_dataset, shaken
-from ssiam.datasets import Sequence as Clip
+from ssiam.datasets import Dataset, Shake, VideoSequence, open_dataset, shaken
 from ssiam.errors import SsiamError, one_line
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.failures import clear_failure, failure_path, write_failure
@@ -66,7 +65,7 @@ class Task:
         """The tracker's folder."""
         return shaken_folder(self.out, self.shake) / self.entry.label
 
-    def read(self) -> Clip:
+    def read(self) -> VideoSequence:
         """The sequence, shaken if it is to be."""
         sequence = _dataset(self.dataset, self.kind).sequences[self.sequence]
         return sequence if self.shake is None else shaken(sequence, self.shake)

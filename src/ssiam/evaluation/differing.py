@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import upright
 from ssiam.evaluation.summaries import Summaries, Summary
@@ -29,7 +29,7 @@ class Differing:
     Attributes
     ----------
     tracker : str
-    sequence : Sequence
+    sequence : VideoSequence
     one_pass : bool
         Whether the runs are one-pass ones; if not, the tracker was restarted after each loss.
     truth, off, steadied : (N, 4) float64
@@ -37,7 +37,7 @@ class Differing:
     """
 
     tracker: str
-    sequence: Sequence
+    sequence: VideoSequence
     one_pass: bool
     truth: Floats
     off: Floats

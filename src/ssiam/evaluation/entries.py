@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from ssiam.errors import check_choice
@@ -29,12 +29,7 @@ class Entry:
     @property
     def label(self) -> str:
         """Name of its results: tracker, method, and every number that is not the default one."""
-        own = StabilizerConfig(self.config.stabilize)
-        changed = [
-            f"{field.name}={getattr(self.config, field.name)}"
-            for field in fields(self.config)
-            if getattr(self.config, field.name) != getattr(own, field.name)
-        ]
+        changed = [f"{name}={value}" for name, value in self.config.changed_options().items()]
         return "-".join([self.tracker, self.config.stabilize, *changed])
 
     def load(self, threads: int) -> SteadiedTracker:

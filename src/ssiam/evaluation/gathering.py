@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from collections.abc import Sequence as List
-from dataclasses import fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from ssiam.datasets import Dataset, Sequence
-from ssiam.errors import SsiamError
+from ssiam.datasets import Dataset, VideoSequence
+from ssiam.errors import SsiamError, check_choice
 from ssiam.evaluation import pysot
 from ssiam.evaluation.eao import INTERVALS, known_year
 from ssiam.evaluation.layouts import Experiment, file_name, repetitions, vot_path
@@ -22,7 +21,7 @@ from ssiam.stabilize import METHODS, StabilizerConfig
 
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
 _LISTED: Final = 4  # names in a note
-_READ: Final = {"int": int, "float": float}  # by the type of a field of StabilizerConfig
+_READ: Final = {int: int, float: float}  # by the type of an option
 
 
 def summarize(results: Path, dataset: Dataset) -> Summaries:
@@ -65,13 +64,15 @@ def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
     """Tracker and config of an `Entry.label`; None if it is none."""
     head, *changes = re.split(r"-(?=[a-z_0-9]+=)", label)
     tracker, _, method = head.rpartition("-")
-    types = {field.name: _READ.get(str(field.type), str) for field in fields(StabilizerConfig)}
-    values: dict[str, Any] = {"stabilize": method}
+    options = StabilizerConfig().options()
+    types = {name: _READ.get(type(value), str) for name, value in options.items()}
+    values: dict[str, Any] = {}
     try:
         for change in changes:
             name, _, value = change.partition("=")
             values[name] = types[name](value)
-        return (tracker, StabilizerConfig(**values)) if tracker else None
+        config = StabilizerConfig(check_choice("stabilize", method, METHODS)).with_options(**values)
+        return (tracker, config) if tracker else None
     except (KeyError, ValueError):
         return None
 
@@ -98,7 +99,7 @@ def _folders(results: Path) -> list[Path]:
 
 
 def _summary(
-    folder: Path, sequences: Mapping[str, Sequence], year: int | None, notes: list[str]
+    folder: Path, sequences: Mapping[str, VideoSequence], year: int | None, notes: list[str]
 ) -> Summary:
     tracker, config = parse_label(folder.name) or (folder.name, None)
     supervised = _runs(folder, sequences, "baseline", notes)
@@ -116,7 +117,7 @@ def _summary(
 
 
 def _runs(
-    folder: Path, sequences: Mapping[str, Sequence], experiment: Experiment, notes: list[str]
+    folder: Path, sequences: Mapping[str, VideoSequence], experiment: Experiment, notes: list[str]
 ) -> dict[str, TrackedSequence]:
     """The runs that are there and whole; a note for the rest, unless there is nothing at all."""
     found, missing = {}, []
@@ -166,7 +167,7 @@ def _scores(runs: Iterable[TrackedSequence], year: int | None) -> Scores | None:
     return pysot.scores([pysot.measured(each) for each in tracked], INTERVALS[year])
 
 
-def _sized(sequence: Sequence, year: int | None, notes: list[str]) -> Sequence:
+def _sized(sequence: VideoSequence, year: int | None, notes: list[str]) -> VideoSequence:
     """The sequence with the size of its frames, which overlaps in VOT end at."""
     if year is None or sequence.size_wh is not None:
         return sequence
@@ -178,6 +179,6 @@ def _sized(sequence: Sequence, year: int | None, notes: list[str]) -> Sequence:
     return replace(sequence, size_wh=(width, height))
 
 
-def _listed(names: List[str]) -> str:
+def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(names[:_LISTED]) + more

@@ -8,7 +8,7 @@ from pathlib import Path
 from stat import S_ISREG
 
 from ssiam.errors import SsiamError
-from ssiam.outputs import output_error, replaced
+from ssiam.outputs import atomic_write, make_folder
 
 # What is read of a file: a polygon of every frame of ten hours fits, a disk image does not.
 _MAX_BYTES = 64 * 2**20
@@ -47,11 +47,8 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         The file cannot be written.
     """
     data = "".join(f"{line}\n" for line in lines).encode("ascii")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(path, error) from error
-    with replaced(path, "wb", hidden=True) as file:
+    make_folder(path.parent)
+    with atomic_write(path, "wb", hidden=True) as file:
         file.write(data)
 
 
@@ -83,5 +80,5 @@ def _numbers(path: Path, number: int, line: str) -> list[float]:
 
 
 def _shown(line: str) -> str:
-    """A line, shortened, on one line whatever it holds."""
+    """A line, short_repr, on one line whatever it holds."""
     return repr(line if len(line) <= 40 else f"{line[:40]}...")

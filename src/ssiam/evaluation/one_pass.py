@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from collections.abc import Sequence as List
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.layouts import (
     got10k_path,
     otb_path,
@@ -64,7 +63,7 @@ class OnePassReport:
         return {name: None if math.isnan(value) else value for name, value in figures.items()}
 
 
-def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
+def one_pass(folder: Path, sequences: Iterable[VideoSequence]) -> OnePassReport:
     """Measure the one-pass runs of a tracker.
 
     They may lie in ``ope/<sequence>.txt`` or ``<sequence>.txt`` (OTB, LaSOT: 1-based boxes), in
@@ -108,7 +107,7 @@ def one_pass(folder: Path, sequences: Iterable[Sequence]) -> OnePassReport:
     )
 
 
-def one_pass_table(reports: List[OnePassReport]) -> Table:
+def one_pass_table(reports: Sequence[OnePassReport]) -> Table:
     """A row for each tracker."""
     table = Table("tracker", *_FIGURES)
     for each in reports:

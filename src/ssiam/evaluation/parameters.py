@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final
 
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.stabilize import StabilizerConfig
 
 _PAPER: Final = StabilizerConfig("paper")
-_FIELDS: Final = tuple(
-    field.name
-    for field in fields(_PAPER)
-    if field.name != "stabilize" and not isinstance(getattr(_PAPER, field.name), bool)
-)
+_DEFAULTS: Final = _PAPER.options()
+_FIELDS: Final = tuple(name for name, value in _DEFAULTS.items() if not isinstance(value, bool))
 # Between two values that are tried: pixels; of everything else that is no whole number, _FINE.
 _STEPS: Final = {"thx1": 1.0, "thy1": 1.0, "thx2": 1.0, "thy2": 1.0}
 _FINE: Final = 0.01
@@ -52,7 +49,7 @@ class Parameter:
         """``thx1=20:120``, or ``keypoints=orb,direct``; `ArgumentError` if it is neither."""
         name, _, values = text.partition("=")
         check_choice("parameter", name, _FIELDS)
-        if isinstance(getattr(_PAPER, name), str):
+        if isinstance(_DEFAULTS[name], str):
             choices = tuple(word.strip() for word in values.split(","))
             for word in choices:
                 _checked(name, word)
@@ -70,7 +67,7 @@ class Parameter:
 
 def is_whole(name: str) -> bool:
     """Whether a field of `StabilizerConfig` holds whole numbers."""
-    return isinstance(getattr(_PAPER, name), int)
+    return isinstance(_DEFAULTS[name], int)
 
 
 def configured(values: Mapping[str, Any]) -> StabilizerConfig:
@@ -85,20 +82,19 @@ def configured(values: Mapping[str, Any]) -> StabilizerConfig:
     for x, y in _TIED.items():
         if x in numbers and y not in numbers:
             numbers[y] = numbers[x] / 2
-    return StabilizerConfig("paper", **numbers)
+    return StabilizerConfig("paper").with_options(**numbers)
 
 
 def paper_values(parameters: Iterable[Parameter]) -> dict[str, Any] | None:
     """What the paper has for the parameters; None if it is outside of what is tried."""
-    values = {each.name: getattr(_PAPER, each.name) for each in parameters}
+    values = {each.name: _DEFAULTS[each.name] for each in parameters}
     return values if all(each.holds(values[each.name]) for each in parameters) else None
 
 
 def track_flags(config: StabilizerConfig) -> str:
     """A config as options of ``ssiam track``; the paper's numbers are left out."""
-    own = StabilizerConfig(config.stabilize)
-    changed = [name for name in _FIELDS if getattr(config, name) != getattr(own, name)]
-    flags = (f"--{name.replace('_', '-')} {getattr(config, name)}" for name in changed)
+    changed = config.changed_options().items()
+    flags = (f"--{name.replace('_', '-')} {value}" for name, value in changed if name in _FIELDS)
     return " ".join([f"--stabilize {config.stabilize}", *flags])
 
 
@@ -124,4 +120,4 @@ def _range(name: str, values: str, text: str) -> Parameter:
 
 def _checked(name: str, value: Any) -> None:
     """`ArgumentError` if a config refuses the value."""
-    StabilizerConfig("paper", **{name: value})
+    StabilizerConfig("paper").with_options(**{name: value})

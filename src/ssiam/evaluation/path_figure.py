@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.canvas import BLUE, GREY, ORANGE, SMALL, bare, canvas, png
 from ssiam.evaluation.raster import Floats
 from ssiam.motion import CameraMotion
@@ -20,7 +20,7 @@ _AXES: Final = (
 )
 
 
-def figure3(sequence: Sequence, config: StabilizerConfig) -> bytes:
+def figure3(sequence: VideoSequence, config: StabilizerConfig) -> bytes:
     """The camera's path (dx, dy, da) over the frames of a sequence, as a PNG.
 
     Raises
@@ -46,7 +46,7 @@ def figure3(sequence: Sequence, config: StabilizerConfig) -> bytes:
 
 
 def camera_path(
-    sequence: Sequence, config: StabilizerConfig
+    sequence: VideoSequence, config: StabilizerConfig
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """The camera's path (N, 3), the smoothed one (N, 3), and which motions are known (N,).
 
@@ -54,7 +54,7 @@ def camera_path(
     truth is left out of the estimate. Where a motion is not known, both paths stand still.
     """
     camera = CameraMotion(config.keypoints, config.fit, model="rigid")
-    past = CameraPath(config.window)
+    past = CameraPath(config.paper.window)
     steps, differences, reliable = [], [], []
     for index, image in enumerate(sequence.images()):
         motion = camera.update(image, exclude=_target(sequence, index - 1))
@@ -68,6 +68,6 @@ def camera_path(
     return path, path + np.array(differences), np.array(reliable)
 
 
-def _target(sequence: Sequence, index: int) -> tuple[float, ...] | None:
+def _target(sequence: VideoSequence, index: int) -> tuple[float, ...] | None:
     known = 0 <= index < len(sequence.truth) and np.isfinite(sequence.truth[index]).all()
     return sequence.box(index) if known else None

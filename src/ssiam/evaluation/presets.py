@@ -27,9 +27,11 @@ GENERATORS: Final[dict[str, StabilizerConfig]] = {
 }
 # Table 3 by threshold and value; the thresholds that a row does not name are the paper's.
 THRESHOLDS: Final[dict[str, dict[float, StabilizerConfig]]] = {
-    "THx1 = 2 THy1, px": {x: replace(_PAPER, thx1=x, thy1=x / 2) for x in (60.0, 80.0, 100.0)},
-    "THx2 = 2 THy2, px/frame": {x: replace(_PAPER, thx2=x, thy2=x / 2) for x in (20.0, 40.0, 80.0)},
-    "THa, rad": {angle: replace(_PAPER, tha=angle) for angle in (0.1, 0.3, 0.5, 1.0)},
+    "THx1 = 2 THy1, px": {x: _PAPER.with_options(thx1=x, thy1=x / 2) for x in (60.0, 80.0, 100.0)},
+    "THx2 = 2 THy2, px/frame": {
+        x: _PAPER.with_options(thx2=x, thy2=x / 2) for x in (20.0, 40.0, 80.0)
+    },
+    "THa, rad": {angle: _PAPER.with_options(tha=angle) for angle in (0.1, 0.3, 0.5, 1.0)},
 }
 _CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
     "table1": (_OFF, _PAPER),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from collections.abc import Sequence as List
+from collections.abc import Callable, Sequence
 from typing import Final, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.errors import SourceError, check_choice
 from ssiam.evaluation.layouts import Experiment
 from ssiam.evaluation.overlap import vot_overlap
@@ -34,20 +33,20 @@ _GRACE: Final = 3  # slow frames after a start that cost nothing
 class Tracker(Protocol):
     """What is run: see `ssiam.load_tracker`."""
 
-    def init(self, frame: Image, box: List[float]) -> None:
+    def init(self, frame: Image, box: Sequence[float]) -> None:
         """Start on the target in `box`, x, y, w, h."""
 
     def update(self, frame: Image) -> Track:
         """The target in the next frame."""
 
 
-def run(tracker: Tracker, sequence: Sequence, protocol: ProtocolName = "vot") -> Trajectory:
+def run(tracker: Tracker, sequence: VideoSequence, protocol: ProtocolName = "vot") -> Trajectory:
     """One run of a tracker over a sequence.
 
     Parameters
     ----------
     tracker : Tracker
-    sequence : Sequence
+    sequence : VideoSequence
     protocol : {"vot", "ope", "realtime"}
         "vot" starts again five frames after the overlap with the truth was 0; "ope" never does;
         "realtime" is "vot" at 20 frames a second: while the tracker is late, it misses frames,
@@ -115,7 +114,7 @@ class Clocked:
         self._left = grace
         self._last: Track | None = None
 
-    def init(self, frame: Image, box: List[float]) -> None:
+    def init(self, frame: Image, box: Sequence[float]) -> None:
         """Start on a target."""
         self._left, self._late = self._grace, 0.0
         x, y, w, h = box
@@ -150,11 +149,11 @@ def region_of(track: Track) -> NDArray[np.float64]:
     return np.array([*track.box, *[np.nan] * 4])
 
 
-def _known(sequence: Sequence, index: int) -> bool:
+def _known(sequence: VideoSequence, index: int) -> bool:
     return index < len(sequence.truth) and bool(np.isfinite(sequence.truth[index]).all())
 
 
-def _lost(region: NDArray[np.float64], sequence: Sequence, index: int, image: Image) -> bool:
+def _lost(region: NDArray[np.float64], sequence: VideoSequence, index: int, image: Image) -> bool:
     """Whether a region has nothing of the truth; where the truth is not told, it is not lost."""
     if not _known(sequence, index):
         return False

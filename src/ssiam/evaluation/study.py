@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from ssiam.errors import IncompleteError, MissingExtraError, SinkError, SsiamError
+from ssiam.errors import IncompleteError, MissingExtraError, SsiamError
 from ssiam.evaluation.parameters import Parameter, is_whole, paper_values
+from ssiam.outputs import make_folder
 
 _NAME: Final = "ssiam"
 _PACKAGES: Final = ("optuna", "sqlalchemy")  # whose exceptions are told in one line
@@ -47,10 +48,7 @@ def open_study(path: Path, search: Mapping[str, Any]) -> Any:
     except ImportError as error:
         raise MissingExtraError("tuning needs optuna: pip install 'ssiam[bench]'") from error
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SinkError(f"{path.parent}: cannot be made ({error.strerror or error})") from error
+    make_folder(path.parent)
     study = optuna.create_study(storage=f"sqlite:///{path}", study_name=_NAME, load_if_exists=True)
     if not study.user_attrs:
         study.set_user_attr("search", dict(search))

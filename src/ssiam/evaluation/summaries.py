@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from collections.abc import Sequence as List
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import VideoSequence
 from ssiam.evaluation.eao import mean_or_nan
 from ssiam.evaluation.raster import Floats
 from ssiam.evaluation.regions import upright
@@ -78,7 +77,7 @@ class Summaries:
     dataset : str
     year : int or None
         Of VOT, if the dataset is one whose EAO is defined.
-    sequences : mapping of str to Sequence
+    sequences : mapping of str to VideoSequence
     entries : list of Summary
         By tracker, and of each the tracker alone first.
     notes : list of str
@@ -87,9 +86,9 @@ class Summaries:
 
     dataset: str
     year: int | None
-    sequences: Mapping[str, Sequence]
-    entries: List[Summary]
-    notes: List[str]
+    sequences: Mapping[str, VideoSequence]
+    entries: Sequence[Summary]
+    notes: Sequence[str]
 
     def find(self, tracker: str, config: StabilizerConfig) -> Summary | None:
         """The entry of a tracker with a way of steadying; None if it was not run."""

@@ -11,7 +11,7 @@ from typing import Final
 
 from ssiam.evaluation.figures import Figure
 from ssiam.evaluation.tables import Table
-from ssiam.outputs import output_error, replaced
+from ssiam.outputs import atomic_write, make_folder
 
 PAGE: Final = "tables.html"
 _TITLE: Final = "Tables and figures of steadied tracking"
@@ -63,12 +63,9 @@ def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> l
         PAGE: page(sections, explanation).encode(),
         **{f"{each.name}.png": each.png for section in sections for each in section.figures},
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from error
+    make_folder(folder)
     for name, data in files.items():
-        with replaced(folder / name, "wb", hidden=True) as file:
+        with atomic_write(folder / name, "wb", hidden=True) as file:
             file.write(data)
     return [folder / name for name in files]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssiam.datasets.sequence import Sequence
+from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.layouts import Experiment, read_vot, repetitions, vot_path
 from ssiam.evaluation.lines import ResultsError
@@ -17,7 +17,7 @@ from ssiam.evaluation.trajectory import Trajectory
 class TrackedSequence:
     """A sequence and at least one run of a tracker, none longer than the sequence's truth."""
 
-    sequence: Sequence
+    sequence: VideoSequence
     runs: tuple[Trajectory, ...]
 
     @property
@@ -54,7 +54,7 @@ class TrackerResults:
 
 
 def read_results(
-    folder: Path, sequences: Iterable[Sequence], experiment: Experiment = "baseline"
+    folder: Path, sequences: Iterable[VideoSequence], experiment: Experiment = "baseline"
 ) -> TrackerResults:
     """The supervised runs of a tracker in ``folder/baseline/<sequence>/<sequence>_001.txt``.
 

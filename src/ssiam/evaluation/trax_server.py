@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ssiam.datasets.sequence import image_levels, read_image
+from ssiam.datasets.images import image_levels, read_image
 from ssiam.errors import MissingExtraError, StreamError, one_line
 from ssiam.evaluation.trax_regions import answer, start_box
 from ssiam.trackers import SteadiedTracker

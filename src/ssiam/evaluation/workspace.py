@@ -14,7 +14,7 @@ from ssiam.errors import SinkError
 from ssiam.evaluation.entries import Entry
 from ssiam.evaluation.workspace_sequences import LIST, length_of, sequence_folders
 from ssiam.evaluation.workspace_stack import is_official, read_stack, supervised_stack
-from ssiam.outputs import check_apart, output_error, replaced
+from ssiam.outputs import atomic_write, check_distinct, make_folder
 
 _SEQUENCES = "sequences"
 _STACK = "stack.yaml"
@@ -86,7 +86,7 @@ def write_workspace(
     inputs = [] if stack is None or official else [("the stack", Path(stack))]
     inputs += [] if sequences is None else [("the sequences' list", sequences / LIST)]
     inputs += [("the weights", entry.weights) for entry in entries if entry.weights is not None]
-    check_apart([("the workspace's", path) for path in files], inputs)
+    check_distinct([("the workspace's", path) for path in files], inputs)
     _write(files, force)
     return len(found)
 
@@ -125,9 +125,6 @@ def _write(files: Mapping[Path, str], force: bool) -> None:
         if path.exists() and not force:
             raise SinkError(f"{path} exists already: give --force to replace it")
     for path, text in files.items():
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise output_error(path, error) from error
-        with replaced(path, "w", hidden=True) as file:
+        make_folder(path.parent)
+        with atomic_write(path, "w", hidden=True) as file:
             file.write(text)

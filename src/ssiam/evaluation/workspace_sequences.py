@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ssiam.datasets.errors import DatasetError
 from ssiam.datasets.files import read_text
+from ssiam.errors import DatasetError
 
 LIST = "list.txt"
 _TRUTH = "groundtruth.txt"

@@ -8,7 +8,7 @@ from typing import Any
 
 from ssiam.exchange.annotations import Annotation, Annotations, Corners, rounded
 from ssiam.geometry import xywh_from_corners
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 _SCORE_DECIMALS = 4
 
@@ -37,7 +37,7 @@ def write_coco(annotations: Annotations, path: Path, video: str, overwrite: bool
             {"id": number, "name": name, "supercategory": ""} for name, number in categories.items()
         ],
     }
-    with replaced(path, "w", overwrite=overwrite) as file:
+    with atomic_write(path, "w", overwrite=overwrite) as file:
         json.dump(content, file, allow_nan=False)
 
 

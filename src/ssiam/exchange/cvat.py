@@ -15,7 +15,7 @@ from ssiam.exchange.annotations import (
     rounded,
     visible_runs,
 )
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 
 def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
@@ -25,7 +25,7 @@ def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool
     ``outside="1"`` at its last visible position ends the display. Rotated boxes are rotated about
     their center, as in CVAT.
     """
-    with replaced(path, "w", overwrite=overwrite) as file:
+    with atomic_write(path, "w", overwrite=overwrite) as file:
         xml = XMLGenerator(file, encoding="utf-8", short_empty_elements=True)
         xml.startDocument()
         with _element(xml, "annotations"):

@@ -9,7 +9,7 @@ from typing import Final
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 _LIST: Final = "list.txt"
 _LONGEST_NAME: Final = 60  # characters, up to four bytes each; file systems allow 255 bytes
@@ -28,7 +28,7 @@ def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bo
     tracks = annotations.tracks()
     folders = list(_folders([annotations.name(target) for target in tracks]))
     with (
-        replaced(path, "wb", overwrite=overwrite) as file,
+        atomic_write(path, "wb", overwrite=overwrite) as file,
         ZipFile(file, "w", ZIP_DEFLATED) as archive,
     ):
         _add(archive, _LIST, folders)

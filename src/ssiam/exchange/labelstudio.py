@@ -19,7 +19,7 @@ from ssiam.exchange.annotations import (
     rounded,
     visible_runs,
 )
-from ssiam.outputs import replaced
+from ssiam.outputs import atomic_write
 
 _PERCENT_DECIMALS = 6
 _TIME_DECIMALS = 6
@@ -49,7 +49,7 @@ def write_labelstudio(
         if any(row.visible for row in rows)
     ]
     prediction = {"model_version": "ssiam", "result": results}
-    with replaced(path, "w", overwrite=overwrite) as file:
+    with atomic_write(path, "w", overwrite=overwrite) as file:
         json.dump([{"data": {"video": video}, "predictions": [prediction]}], file, allow_nan=False)
 
 

@@ -12,11 +12,11 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import ArgumentError, MissingExtraError, SinkError
 from ssiam.geometry import Image
 from ssiam.motion import Motion
-from ssiam.outputs import ClosedAtExit, Part
+from ssiam.outputs import ClosedOnExit, PartFile
 from ssiam.track import Track
 
 _APPLICATION: Final = "ssiam"
@@ -27,7 +27,7 @@ _FILE_DESCRIPTORS: Final = Path("/dev/fd")
 _CHUNK: Final = 1 << 20  # bytes
 
 
-class RerunLog(NotCopied, ClosedAtExit):
+class RerunLog(NotCopyable, ClosedOnExit):
     """Writes an .rrd file, which ``rerun FILE.rrd`` displays; a context manager.
 
     Threads: one thread at a time.
@@ -180,7 +180,7 @@ class _RerunStream:
             ) from error
         if path.suffix.lower() != ".rrd":
             raise SinkError(f"{path}: a recording for Rerun is written as .rrd")
-        self._part = Part(path, overwrite=overwrite)
+        self._part = PartFile(path, overwrite=overwrite)
         # Version 0.23 renamed several functions.
         self._is_recent = hasattr(self.rr, "Scalars")
         begin = self.rr.RecordingStream if self._is_recent else self.rr.new_recording

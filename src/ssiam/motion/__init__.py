@@ -1,7 +1,6 @@
-"""What the camera did between two frames: alignment of all its pixels, or keypoints and flow."""
+"""Camera motion between frames, by direct alignment or by keypoints and optical flow."""
 
-from ssiam.motion.ahead import MotionAhead
-from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName
+from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName, PrefetchingCameraMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion
@@ -13,5 +12,5 @@ __all__ = [
     "KeypointName",
     "ModelName",
     "Motion",
-    "MotionAhead",
+    "PrefetchingCameraMotion",
 ]

@@ -1,73 +1,74 @@
-"""Aligning a picture with a template, cell by cell, against everything that moves by itself.
+"""Robust alignment of an image with the cells of the previous frame.
 
-Inverse compositional Gauss-Newton (Baker and Matthews, 2004), in which every cell has a say of
-its own: how far it disagrees, measured against its own texture, decides what it counts.
+Inverse compositional Gauss-Newton (Baker and Matthews, 2004), with one robust weight per cell: the
+error of a cell relative to its texture decides its weight, so that cells on independently moving
+objects do not count.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
-from ssiam.motion.cells import Floats, Template
-from ssiam.motion.models import change, within
+from ssiam.motion.cells import CellTemplate, Floats
+from ssiam.motion.models import normalized, small_transform
 
-_DAMPING = 1e-6  # of the first diagonal element, and
-_TINY = 1e-9  # keep a picture without texture solvable
-_TIGHTEST = 0.05  # of the texture: the least tolerance
+_DAMPING: Final = 1e-6  # of the first diagonal element; with _EPSILON it keeps an image
+_EPSILON: Final = 1e-9  # without texture solvable
+_MIN_TOLERANCE: Final = 0.05  # share of the texture
 
 
 @dataclass(frozen=True)
-class Rules:
-    """How cells vote.
+class AlignmentSettings:
+    """How cells are weighted, and when the iteration ends.
 
     Parameters
     ----------
     noise : float
-        Grey levels by which a cell may differ without texture.
+        Gray levels by which a cell without texture may differ.
     tolerance : float
         Share of its texture (variance) by which a cell may differ.
     evenness : float
-        0 lets a cell count with its texture squared, as least squares has it; 1 gives every cell
-        the same say.
-    rounds : int
-        At most.
-    enough : float
-        Steps, in units, below which the rounds end.
+        0 weights a cell by its squared texture, as least squares does; 1 gives all cells equal
+        weight.
+    max_rounds : int
+    min_step : float
+        Sum of absolute steps, units, below which the iteration ends.
     tightening : float
-        By which the tolerance shrinks at each round, down to a twentieth of the texture.
+        Factor of the tolerance from one round to the next, down to 5 % of the texture.
     """
 
     noise: float
     tolerance: float
     evenness: float
-    rounds: int
-    enough: float
+    max_rounds: int
+    min_step: float
     tightening: float = 1.0
 
     def tolerated(self, texture: Floats) -> Floats:
-        """Error (cells,) at which a cell's agreement has fallen to a quarter."""
+        """Error (cells,) at which the agreement of a cell has fallen to a quarter."""
         return self.noise**2 + self.tolerance * texture
 
-    def tightened(self) -> Rules:
-        """The rules of the next round."""
-        return replace(self, tolerance=max(self.tolerance * self.tightening, _TIGHTEST))
+    def tightened(self) -> AlignmentSettings:
+        """The settings of the next round."""
+        return replace(self, tolerance=max(self.tolerance * self.tightening, _MIN_TOLERANCE))
 
 
 @dataclass(frozen=True, eq=False)
-class Aligned:
-    """What came of an alignment.
+class Alignment:
+    """The result of `align`.
 
     Attributes
     ----------
     cur_from_prev : (3, 3) float64
         Units.
     error : (cells,) float32
-        Mean squared difference, grey levels squared.
+        Mean squared difference of each cell, gray levels squared.
     """
 
     cur_from_prev: Transform
@@ -75,54 +76,58 @@ class Aligned:
 
 
 def align(
-    template: Template, picture: Image, start: Transform, keep: Floats, rules: Rules
-) -> Aligned:
-    """The transform that takes the template to the picture, and what each cell says of it.
+    template: CellTemplate,
+    image: Image,
+    start: Transform,
+    background_share: Floats,
+    settings: AlignmentSettings,
+) -> Alignment:
+    """The transform that maps the template to the image, and the error of each cell.
 
     Parameters
     ----------
-    template : Template
+    template : CellTemplate
         Of the previous frame.
-    picture : (H, W) uint8
-        Of this frame, at the template's scale.
+    image : (H, W) uint8
+        This frame, at the template's scale.
     start : (3, 3) float64
-        cur_from_prev to begin with, units.
-    keep : (cells,) float32
-        What each cell may count, 0..1.
+        Initial cur_from_prev, units.
+    background_share : (cells,) float32
+        Share 0..1 of each cell that is background: an upper bound of its weight.
+    settings : AlignmentSettings
     """
     grid, texture = template.grid, template.texture
-    floats = picture.astype(np.float32)  # warped sooner than bytes, and not rounded
-    say = keep * (texture + rules.noise**2) ** -rules.evenness
-    tolerated = rules.tolerated(texture)
+    floats = image.astype(np.float32)  # warps faster than uint8, and is not rounded
+    weight = background_share * (texture + settings.noise**2) ** -settings.evenness
+    tolerated = settings.tolerated(texture)
     cur_from_prev = start
-    for _ in range(rules.rounds):
+    for _ in range(settings.max_rounds):
         residual = grid.warped(floats, cur_from_prev)
         residual -= template.values
         error = grid.variance(residual)
-        weight = say * agreement_of(error, tolerated)
-        steps = _steps(template, residual, weight)
-        cur_from_prev = within(cur_from_prev.dot(change(-steps)), grid.model)
-        if cv2.norm(steps, cv2.NORM_L1) < rules.enough:
+        steps = _steps(template, residual, weight * agreement(error, tolerated))
+        cur_from_prev = normalized(cur_from_prev.dot(small_transform(-steps)), grid.model)
+        if cv2.norm(steps, cv2.NORM_L1) < settings.min_step:
             break
-        if rules.tightening < 1:
-            rules = rules.tightened()
-            tolerated = rules.tolerated(texture)
-    return Aligned(cur_from_prev, error)
+        if settings.tightening < 1:
+            settings = settings.tightened()
+            tolerated = settings.tolerated(texture)
+    return Alignment(cur_from_prev, error)
 
 
-def agreement_of(error: Floats, tolerated: Floats) -> Floats:
-    """How far cells agree, (cells,) 0..1: the Geman-McClure weight of their error."""
-    agreement: Floats = np.square(tolerated / (tolerated + error))
-    return agreement
+def agreement(error: Floats, tolerated: Floats) -> Floats:
+    """Agreement (cells,) 0..1 of each cell: the Geman-McClure weight of its error."""
+    weight: Floats = np.square(tolerated / (tolerated + error))
+    return weight
 
 
-def _steps(template: Template, residual: Floats, weight: Floats) -> NDArray[np.float64]:
+def _steps(template: CellTemplate, residual: Floats, weight: Floats) -> NDArray[np.float64]:
     """Steps (freedom,) along the generators that best explain the residual (samples, cells)."""
     grid = template.grid
     slopes = np.einsum("kij,ij->kj", template.gradients, residual) * weight
     gradient = grid.flow.dot(slopes.ravel()).astype(np.float64)
     freedom = len(gradient)
     hessian = grid.flow_products.dot((template.products * weight).ravel()).astype(np.float64)
-    hessian[:: freedom + 1] += _DAMPING * hessian[0] + _TINY
+    hessian[:: freedom + 1] += _DAMPING * hessian[0] + _EPSILON
     solved, steps = cv2.solve(hessian.reshape(freedom, freedom), gradient[:, None])
     return np.asarray(steps, dtype=np.float64).ravel() if solved else np.zeros(freedom)

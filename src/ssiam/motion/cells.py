@@ -1,6 +1,6 @@
-"""A picture cut into cells that vote: how it is sampled, and what a template knows of each cell.
+"""Cells of an image: how it is sampled, and the gradients and texture of each cell.
 
-A cell is a square of samples, a small Lucas-Kanade patch (eq. 1 and 2). They are kept as
+A cell is a square of samples, a small Lucas-Kanade patch (eq. 1 and 2). Arrays of samples are
 (samples, cells), so that every sum over a cell runs over the first axis.
 """
 
@@ -18,13 +18,13 @@ from ssiam.motion.models import ModelName, velocities
 
 Floats: TypeAlias = NDArray[np.floating[Any]]  # float32
 
-_SOBEL: Final = 1 / 8  # of a 3 × 3 Sobel filter's answer is the gradient
-_TEXTURED: Final = 1.0  # grey levels squared
-_LEAST: Final = 0.5  # share of a cell that must be background
+_SOBEL: Final = 1 / 8  # gradient per response of a 3 × 3 Sobel filter
+_MIN_TEXTURE: Final = 1.0  # gray levels squared
+_MIN_BACKGROUND: Final = 0.5  # share of a cell; one with less is not used
 
 
 class Grid:
-    """Where pictures of one size are sampled, and how each cell moves.
+    """Sample positions in images of one size, and the motion of each cell.
 
     Samples lie `stride` pixels apart, and `side` by `side` of them make a cell.
 
@@ -32,19 +32,19 @@ class Grid:
     ----------
     shape : (rows, columns) of cells
     cells : int
-    centres : (2, cells) float64
-        Middle of each cell, units.
+    centers : (2, cells) float64
+        Center of each cell, units.
     pixels_per_unit : float
     flow : (freedom, 2 * cells) float32
-        Pixels along x, then along y, that the middle of each cell moves for a unit step along
+        Pixels along x, then along y, that the center of each cell moves for a unit step along
         each generator.
     flow_products : (freedom * freedom, 3 * cells) float32
-        Of the flows of all pairs of generators: both along x, one along each, both along y.
+        Products of the flows of all pairs of generators: xx, xy + yx, yy.
     """
 
     def __init__(
         self,
-        picture_wh: tuple[int, int],
+        image_wh: tuple[int, int],
         pixel_from_unit: Transform,
         stride: int,
         side: int,
@@ -52,9 +52,7 @@ class Grid:
     ) -> None:
         self.model: ModelName = model
         self._stride, self._first, self._side = stride, stride // 2, side
-        columns, rows = (
-            ((length - 1 - self._first) // stride + 1) // side for length in picture_wh
-        )
+        columns, rows = (((length - 1 - self._first) // stride + 1) // side for length in image_wh)
         self.shape, self.cells = (rows, columns), rows * columns
         self._samples_wh = columns * side, rows * side
         self._shares = np.full(side**2, 1 / side**2, dtype=np.float32)
@@ -63,57 +61,59 @@ class Grid:
         self._pixel_from_unit = pixel_from_unit
         self._unit_from_sample = np.linalg.inv(pixel_from_unit) @ pixel_from_sample
         scale_xy, first_xy = np.diag(self._unit_from_sample)[:2], self._unit_from_sample[:2, 2]
-        middles = [
+        cell_centers = [
             scale * (np.arange(count) * side + side // 2) + first
             for count, scale, first in zip((columns, rows), scale_xy, first_xy, strict=True)
         ]
-        self.centres = np.stack(np.meshgrid(*middles)).reshape(2, -1)
+        self.centers = np.stack(np.meshgrid(*cell_centers)).reshape(2, -1)
         self._cell_wh = scale_xy * side
-        self._cell_ends = [m + side / 2 for m, side in zip(middles, self._cell_wh, strict=True)]
+        self._cell_ends = [
+            center + side / 2 for center, side in zip(cell_centers, self._cell_wh, strict=True)
+        ]
         self.pixels_per_unit = float(pixel_from_unit[0, 0])
-        flow = velocities(self.centres, model) * np.diag(pixel_from_unit)[:2, None] * _SOBEL
+        flow = velocities(self.centers, model) * np.diag(pixel_from_unit)[:2, None] * _SOBEL
         self.flow: Floats = flow.reshape(len(flow), -1).astype(np.float32)
         fx, fy = flow.swapaxes(0, 1)
         products = [_outer(fx, fx), _outer(fx, fy) + _outer(fy, fx), _outer(fy, fy)]
         self.flow_products: Floats = np.concatenate(products, axis=1).astype(np.float32)
 
-    def samples(self, pictures: Sequence[NDArray[Any]]) -> Floats:
-        """Samples (pictures, samples, cells) of some pictures."""
+    def samples(self, images: Sequence[NDArray[Any]]) -> Floats:
+        """Samples (images, samples, cells) of several images."""
         first, stride = self._first, self._stride
         width, height = self._samples_wh
         rows = slice(first, first + height * stride, stride)
         columns = slice(first, first + width * stride, stride)
         side = self._side
-        sampled = np.empty((len(pictures), side, side, *self.shape), dtype=np.float32)
-        for picture, into in zip(pictures, sampled, strict=True):
-            into[...] = self._by_cell(picture[rows, columns])
-        return sampled.reshape(len(pictures), side * side, self.cells)
+        sampled = np.empty((len(images), side, side, *self.shape), dtype=np.float32)
+        for image, into in zip(images, sampled, strict=True):
+            into[...] = self._by_cell(image[rows, columns])
+        return sampled.reshape(len(images), side * side, self.cells)
 
-    def warped(self, picture: Floats, cur_from_prev: Transform) -> Floats:
-        """Samples (samples, cells) of a picture, each taken where a transform of units sends it."""
+    def warped(self, image: Floats, cur_from_prev: Transform) -> Floats:
+        """Samples (samples, cells) of an image at the positions mapped by a transform of units."""
         pixel_from_sample = self._pixel_from_unit.dot(cur_from_prev).dot(self._unit_from_sample)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         if self.model == "homography":
-            seen = cv2.warpPerspective(picture, pixel_from_sample, self._samples_wh, flags=flags)
+            warped = cv2.warpPerspective(image, pixel_from_sample, self._samples_wh, flags=flags)
         else:
-            seen = cv2.warpAffine(picture, pixel_from_sample[:2], self._samples_wh, flags=flags)
-        return self._by_cell(seen).reshape(self._side**2, self.cells)
+            warped = cv2.warpAffine(image, pixel_from_sample[:2], self._samples_wh, flags=flags)
+        return self._by_cell(warped).reshape(self._side**2, self.cells)
 
-    def background(self, boxes: NDArray[np.float64]) -> Floats:
-        """Share (cells,) of each cell outside of boxes (N, 4), 0 where it is less than half.
+    def background_share(self, boxes: NDArray[np.float64]) -> Floats:
+        """Share (cells,) of each cell outside of boxes (N, 4); 0 if it is less than half.
 
         Boxes are low x, low y, high x, high y in units.
         """
-        keep = np.ones(self.cells, dtype=np.float32)
+        share = np.ones(self.cells, dtype=np.float32)
         for low_x, low_y, high_x, high_y in boxes.tolist():
             covered_x = self._covered(0, low_x, high_x)
-            keep *= 1 - np.outer(self._covered(1, low_y, high_y), covered_x).ravel()
+            share *= 1 - np.outer(self._covered(1, low_y, high_y), covered_x).ravel()
         if len(boxes):
-            keep[keep < _LEAST] = 0
-        return keep
+            share[share < _MIN_BACKGROUND] = 0
+        return share
 
-    def covered(self, mask: Image) -> Floats:
-        """Share (cells,) of each cell on which a mask (H, W) of 0 and 255 is set."""
+    def mask_share(self, mask: Image) -> Floats:
+        """Share (cells,) of each cell in which a mask (H, W) of 0 and 255 is set."""
         return self.mean(self.samples([mask])[0]) / 255
 
     def mean(self, samples: Floats) -> Floats:
@@ -122,56 +122,56 @@ class Grid:
         return mean
 
     def variance(self, samples: Floats) -> Floats:
-        """Mean square (cells,) of samples (samples, cells), each cell's mean taken off."""
+        """Variance (cells,) of samples (samples, cells) within each cell."""
         mean = self._shares.dot(samples)
         spread: Floats = self._shares.dot(samples * samples) - mean * mean
         return np.maximum(spread, 0, out=spread)
 
     def _covered(self, axis: int, low: float, high: float) -> Floats:
-        """Share of each column (axis 0) or row (1) of cells between two places."""
+        """Share of each column (axis 0) or row (1) of cells between two coordinates, units."""
         ends, side = self._cell_ends[axis], self._cell_wh[axis]
         overlap = np.minimum(ends, high) - np.maximum(ends - side, low)
         return np.asarray(np.maximum(overlap, 0) / side, dtype=np.float32)
 
     def _by_cell(self, samples: NDArray[Any]) -> NDArray[Any]:
-        """A view (side, side, rows, columns) of samples in their places."""
+        """A view (side, side, rows, columns) of an image of samples."""
         (rows, columns), side = self.shape, self._side
         return samples.reshape(rows, side, columns, side).transpose(1, 3, 0, 2)
 
 
-class Template:
-    """A picture's samples and their gradients, cell by cell.
+class CellTemplate:
+    """Samples and gradients of an image, by cell.
 
-    Everything is taken relative to its cell's mean, and so are errors: a change of light, which
-    shifts all of a cell's grey levels, does not count.
+    All values are relative to the mean of their cell, and so are errors: a change of brightness,
+    which shifts all gray levels of a cell, has no effect.
 
     Attributes
     ----------
     values : (samples, cells) float32
-        Grey levels, less their cell's mean.
+        Gray levels minus the mean of their cell.
     gradients : (2, samples, cells) float32
-        Along x and y, eight times the grey levels per pixel.
+        Along x and y, eight times the gray levels per pixel.
     products : (3, cells) float32
         Sums over each cell of the gradients' products: xx, xy, yy.
     texture : (cells,) float32
-        Variance of the samples, grey levels squared.
+        Variance of the samples, gray levels squared.
     textured : (cells,) bool
-        Cells that have enough of it to tell anything.
+        Whether a cell has enough texture for an estimate.
     """
 
-    def __init__(self, picture: Image, grid: Grid) -> None:
+    def __init__(self, image: Image, grid: Grid) -> None:
         self.grid = grid
-        samples = grid.samples([*cv2.spatialGradient(picture), picture])
+        samples = grid.samples([*cv2.spatialGradient(image), image])
         samples -= grid.mean(samples)[:, None]
         self.gradients, self.values = samples[:2], samples[2]
         xx, yy, squares = np.einsum("kij,kij->kj", samples, samples)
         xy = np.einsum("ij,ij->j", samples[0], samples[1])
         self.products: Floats = np.array([xx, xy, yy])
         self.texture: Floats = squares * (1 / samples.shape[1])
-        self.textured = self.texture > _TEXTURED
+        self.textured = self.texture > _MIN_TEXTURE
 
-    def change_to(self, later: Template) -> Floats:
-        """Mean square (cells,) of the change at the same place in a later picture."""
+    def change_to(self, later: CellTemplate) -> Floats:
+        """Mean squared change (cells,) at the same position in a later image."""
         return self.grid.mean(np.square(later.values - self.values))
 
 

@@ -1,8 +1,8 @@
-"""The camera's motion straight from the pixels: every part of the picture has its say.
+"""Camera motion by direct alignment of all pixels.
 
-Keypoints gather on the most textured thing in view, and each is found alone, by its own few
-pixels. Here samples all over the picture are aligned at once, for one transform: at 80 pixels,
-from a start that the picture's blocks vote for, then at 320 pixels.
+Keypoints gather on the most textured object, and each is matched alone, by a few pixels. Here
+samples all over the frame are aligned at once, for one transform: first at 80 pixels (see
+`ssiam.motion.coarse`), then at 320 pixels.
 """
 
 from __future__ import annotations
@@ -14,130 +14,187 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import Image
-from ssiam.motion.alignment import Aligned, Rules, align
-from ssiam.motion.cells import Floats, Grid, Template
-from ssiam.motion.content import flat_outside, shows_nothing, without_rim
-from ssiam.motion.models import ModelName
-from ssiam.motion.motion import Motion, plausible
-from ssiam.motion.overlays import Overlays
-from ssiam.motion.pictures import Picture, Scales
-from ssiam.motion.start import CoarseStart
+from ssiam.geometry import Image, Transform
+from ssiam.motion.alignment import Alignment, AlignmentSettings, align
+from ssiam.motion.cells import CellTemplate, Floats, Grid
+from ssiam.motion.coarse import CoarseEstimator
+from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
+from ssiam.motion.models import ModelName, map_columns
+from ssiam.motion.motion import Motion
+from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
-# Where nobody tells what moves by itself, every cell counts the same, and must agree more closely.
-_TOLD: Final = Rules(noise=2.0, tolerance=0.3, evenness=0.3, rounds=4, enough=5e-4)
-_UNTOLD: Final = replace(_TOLD, evenness=1.0, tolerance=0.1)
+# Without an excluded box, all cells get equal weight and a tighter tolerance.
+_WITH_EXCLUSION: Final = AlignmentSettings(
+    noise=2.0, tolerance=0.3, evenness=0.3, max_rounds=4, min_step=5e-4
+)
+_WITHOUT_EXCLUSION: Final = replace(_WITH_EXCLUSION, evenness=1.0, tolerance=0.1)
 
-_STRIDE: Final = 2  # px of the fine picture between samples
+_STRIDE: Final = 2  # px of the fine level between samples
 _SIDE: Final = 8  # samples along each side of a cell
-_RELIABLE: Final = 0.25  # share of the texture that must be explained (benchmarks/reliability.py)
-_AGREES: Final = 0.5  # share of a cell's texture that is explained when it agrees
-_TELLING: Final = 8  # cells that must agree
-_SPREAD: Final = 0.3  # units over which they must be spread
-_TINY: Final = 1e-3
-_LEFT: Final = 0.3  # share of the textured cells that must be left beside flat areas
-_TOUCHED: Final = 0.02  # share of a cell that the rim of a flat area may cover
+_EPSILON: Final = 1e-3
+
+# A reliable motion
+_MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/reliability.py)
+_AGREEING: Final = 0.5  # explained share of the texture of a cell that agrees
+_MIN_AGREEING: Final = 8  # cells
+_MIN_SPREAD: Final = 0.3  # extent of the agreeing cells, units
+
+# Flat areas outside of the scene
+_MIN_SCENE: Final = 0.3  # share of the textured cells that must remain
+_MAX_RIM: Final = 0.02  # share of a cell of the scene that the rim of a flat area may cover
+
+# Overlays
+_MOVED: Final = 1.0  # px of the fine level that a cell must move to count as evidence
+_STATIC: Final = 0.25  # share of the texture by which a static cell may differ
+_BETTER: Final = 0.5  # share of the error under the motion that the static error may reach
+_CHANGED: Final = 0.5  # share of the texture by which a cell differs that is not static
+_GAIN: Final = 0.25  # weight of a frame's evidence
+_OVERLAY: Final = 0.5  # evidence of an overlay: three frames in a row
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """What is kept of a frame."""
+class _FrameData:
+    """The data of a frame that its alignment with the next one needs."""
 
-    picture: Picture
-    coarse: Template
-    fine: Template
-    scene: Floats | None = None  # (cells,) of `fine`, 0 beside a flat area at the outline, else 1
+    pyramid: Pyramid
+    coarse: CellTemplate
+    fine: CellTemplate
+    scene: Floats | None = None  # (cells,) of `fine`: 0 beside a flat area outside, else 1
     coarse_scene: Floats | None = None  # the same of `coarse`
 
 
 class DirectMotion:
-    """Camera motion of frames of one size, by direct alignment."""
+    """Camera motion of frames of one size, by direct alignment.
+
+    Parameters
+    ----------
+    size_wh : (int, int)
+        Width and height of the frames, pixels.
+    model : {"rigid", "similarity", "affine", "homography"}
+    """
 
     def __init__(self, size_wh: tuple[int, int], model: ModelName) -> None:
         self._size_wh = size_wh
-        self._scales = scales = Scales(size_wh)
-        self._start = CoarseStart(scales)
-        self._grid = Grid(scales.fine_wh, scales.fine_from_unit, _STRIDE, _SIDE, model)
-        self._overlays = Overlays(self._grid)
-        self._too_small = self._start.grid.cells == 0
-        self._prev: _Seen | None = None
+        self._builder = builder = PyramidBuilder(size_wh)
+        self._coarse = CoarseEstimator(builder)
+        self._grid = Grid(builder.fine_wh, builder.fine_from_unit, _STRIDE, _SIDE, model)
+        self._overlays = OverlayDetector(self._grid)
+        self._too_small = self._coarse.grid.cells == 0
+        self._prev: _FrameData | None = None
 
-    def see(self, frame: Image) -> None:
-        """Take a frame (H, W, 3) uint8 as the previous one."""
+    def set_previous(self, frame: Image) -> None:
+        """Use a frame (H, W, 3) uint8 as the previous one."""
         if not self._too_small:
-            self._prev = self._seen(frame)
+            self._prev = self._frame_data(frame)
 
-    def motion(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
-        """From the previous frame to this one; `boxes` (N, 4), low xy, high xy, are left out.
+    def estimate(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
+        """The motion from the previous frame to this one, without the pixels in `boxes`.
 
-        Frames that show nothing are passed over: the motion to the one after them is that from
-        the last one that showed something.
+        Boxes are (N, 4): low xy, high xy, pixels of the previous frame. Blank frames are skipped:
+        the motion to the frame after them is that from the last frame that was not blank.
         """
         if self._too_small:
             return Motion.none(self._size_wh)
-        cur, prev = self._seen(frame), self._prev
+        cur, prev = self._frame_data(frame), self._prev
         if prev is None:
             self._prev = cur
             return Motion.none(self._size_wh, reliable=True)
-        if shows_nothing(cur.picture.coarse):
+        if is_blank(cur.pyramid.coarse):
             return Motion.none(self._size_wh)
         self._prev = cur
-        unit_boxes = self._scales.in_units(boxes)
-        shown = self._overlays.background
-        start = self._start.find(
-            (prev.picture, prev.coarse),
-            (cur.picture, cur.coarse),
+        unit_boxes = self._builder.in_units(boxes)
+        not_overlay = self._overlays.background
+        start = self._coarse.estimate(
+            (prev.pyramid, prev.coarse),
+            (cur.pyramid, cur.coarse),
             unit_boxes,
-            shown.reshape(self._grid.shape),
+            not_overlay.reshape(self._grid.shape),
             prev.coarse_scene,
         )
-        keep = self._grid.background(unit_boxes) * shown
+        background_share = self._grid.background_share(unit_boxes) * not_overlay
         if prev.scene is not None:
-            keep *= prev.scene
-        rules = _TOLD if len(boxes) else _UNTOLD
-        aligned = align(prev.fine, cur.picture.fine, start, keep, rules)
-        motion = self._judged(prev.fine, aligned, keep)
+            background_share *= prev.scene
+        settings = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
+        aligned = align(prev.fine, cur.pyramid.fine, start, background_share, settings)
+        motion = self._checked(prev.fine, aligned, background_share)
         if motion.reliable:
             self._overlays.update(prev.fine, cur.fine, aligned.cur_from_prev, aligned.error)
         return motion
 
-    def _seen(self, frame: Image) -> _Seen:
-        picture = self._scales.picture(frame)
-        fine = Template(picture.fine, self._grid)
-        outside = flat_outside(picture.fine)
+    def _frame_data(self, frame: Image) -> _FrameData:
+        pyramid = self._builder.from_frame(frame)
+        fine = CellTemplate(pyramid.fine, self._grid)
+        outside = flat_outside(pyramid.fine)
         if outside is None:
-            return _Seen(picture, self._start.template(picture.coarse), fine)
+            return _FrameData(pyramid, self._coarse.template(pyramid.coarse), fine)
         inside = without_rim(outside)
-        scene = self._grid.covered(inside) >= 1 - _TOUCHED
-        if (scene & fine.textured).sum() < _LEFT * fine.textured.sum():
-            return _Seen(picture, self._start.template(picture.coarse), fine)
-        filled = picture.fine.copy()
+        scene = self._grid.mask_share(inside) >= 1 - _MAX_RIM
+        if (scene & fine.textured).sum() < _MIN_SCENE * fine.textured.sum():
+            return _FrameData(pyramid, self._coarse.template(pyramid.coarse), fine)
+        filled = pyramid.fine.copy()
         filled[outside > 0] = round(cv2.mean(filled, inside)[0])
-        picture = self._scales.pyramid(filled)
-        coarse_wh = self._scales.coarse_wh
+        pyramid = self._builder.from_fine(filled)
         coarse_inside = np.asarray(
-            cv2.resize(inside, coarse_wh, interpolation=cv2.INTER_AREA), dtype=np.uint8
+            cv2.resize(inside, self._builder.coarse_wh, interpolation=cv2.INTER_AREA),
+            dtype=np.uint8,
         )
-        return _Seen(
-            picture,
-            self._start.template(picture.coarse),
+        coarse_scene = self._coarse.grid.mask_share(coarse_inside) >= 1 - _MAX_RIM
+        return _FrameData(
+            pyramid,
+            self._coarse.template(pyramid.coarse),
             fine,
             scene.astype(np.float32),
-            (self._start.grid.covered(coarse_inside) >= 1 - _TOUCHED).astype(np.float32),
+            coarse_scene.astype(np.float32),
         )
 
-    def _judged(self, template: Template, aligned: Aligned, keep: Floats) -> Motion:
-        """The motion in pixels of the frame, if there is good evidence for it."""
-        telling = keep * template.textured
-        explained = telling * np.maximum(1 - aligned.error / (template.texture + _TINY), 0)
-        share = float(explained.sum()) / max(float(telling.sum()), _TINY)
-        x, y = self._grid.centres.compress(explained > _AGREES, axis=1)
-        scales = self._scales
-        cur_from_prev = scales.frame_from_unit @ aligned.cur_from_prev @ scales.unit_from_frame
+    def _checked(
+        self, template: CellTemplate, aligned: Alignment, background_share: Floats
+    ) -> Motion:
+        """The motion in pixels of the frame; not reliable if too little of the texture agrees."""
+        weight = background_share * template.textured
+        explained = weight * np.maximum(1 - aligned.error / (template.texture + _EPSILON), 0)
+        share = float(explained.sum()) / max(float(weight.sum()), _EPSILON)
+        x, y = self._grid.centers.compress(explained > _AGREEING, axis=1)
+        builder = self._builder
+        cur_from_prev = builder.frame_from_unit @ aligned.cur_from_prev @ builder.unit_from_frame
         motion = Motion(cur_from_prev, share, True, self._size_wh)
-        sure = (
-            share >= _RELIABLE
-            and len(x) >= _TELLING
-            and max(x.max() - x.min(), y[-1] - y[0]) >= _SPREAD  # cells lie row by row
+        reliable = (
+            share >= _MIN_EXPLAINED
+            and len(x) >= _MIN_AGREEING
+            and max(x.max() - x.min(), y[-1] - y[0]) >= _MIN_SPREAD  # cells are in row order
         )
-        return motion if sure and plausible(motion) else Motion.none(self._size_wh)
+        return motion if reliable and motion.is_plausible else Motion.none(self._size_wh)
+
+
+class OverlayDetector:
+    """Finds clocks, logos and crosshairs: cells that stay static while the scene moves.
+
+    Attributes
+    ----------
+    background : (cells,) float32
+        0 for cells with an overlay, else 1.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._evidence = np.zeros(grid.cells, dtype=np.float32)
+        self.background: Floats = np.ones(grid.cells, dtype=np.float32)
+
+    def update(
+        self, prev: CellTemplate, cur: CellTemplate, cur_from_prev: Transform, error: Floats
+    ) -> None:
+        """Compare how well the motion (`error`, by cell) and no motion explain a frame."""
+        static_error = prev.change_to(cur)
+        static = static_error < np.minimum(_STATIC * prev.texture, _BETTER * error)
+        static &= prev.textured
+        if static.any():
+            evidence = static & self._moved(cur_from_prev)
+            self._evidence += np.where(evidence, _GAIN * (1 - self._evidence), 0)
+        self._evidence[static_error > _CHANGED * prev.texture] = 0
+        self.background = (self._evidence < _OVERLAY).astype(np.float32)
+
+    def _moved(self, cur_from_prev: Transform) -> NDArray[np.bool_]:
+        """Cells (cells,) that moved far enough to distinguish an overlay from the scene."""
+        centers = self._grid.centers
+        shift = map_columns(cur_from_prev, centers) - centers
+        return np.asarray(np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED)

@@ -1,11 +1,11 @@
-"""The transform that explains point pairs: least squares (eq. 3), and a robust fit.
+"""Transforms fitted to point pairs: least squares (eq. 3), and a robust fit.
 
-Least squares is what the paper prints. It is also worse than doing nothing as soon as a twentieth
-of the frame moves by itself, so the default is a robust fit: the best of many two-point
-hypotheses, then reweighted least squares.
+The paper prints least squares. It is worse than no stabilization once a twentieth of the frame
+moves independently, so the default is a robust fit: the best of many two-point hypotheses, then
+reweighted least squares.
 
 Points are complex numbers here, x + iy: a rigid transform is ``q = turn * p + shift`` with
-``|turn| = 1``, and its angle is that of `turn`; a similarity has a zoom, ``|turn|``, as well.
+``|turn| = 1``, and its angle is that of `turn`; of a similarity, ``|turn|`` is the zoom.
 """
 
 from __future__ import annotations
@@ -17,7 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Points, Transform
-from ssiam.motion.models import FREEDOM, ModelName, change, map_units, velocities, within
+from ssiam.motion.models import (
+    FREEDOM,
+    ModelName,
+    map_columns,
+    normalized,
+    small_transform,
+    velocities,
+)
 
 FitName: TypeAlias = Literal["robust", "least_squares"]
 Complex: TypeAlias = NDArray[np.complex128]
@@ -26,8 +33,8 @@ Floats: TypeAlias = NDArray[np.float64]
 _HYPOTHESES = 100  # of two points each; at 20 % of inliers one in fifty frames finds none
 _ROUNDS = 4  # of reweighting
 _FREE_ROUNDS = 6  # the same, for affine and homography
-_DAMPING = 1e-9  # keeps points on one line solvable
-_MAX_ZOOM = 0.2  # between two frames, by which a hypothesis may grow or shrink
+_DAMPING = 1e-9  # keeps collinear points solvable
+_MAX_ZOOM = 0.2  # largest change of scale of a hypothesis between two frames
 
 
 def fit_motion(
@@ -38,48 +45,55 @@ def fit_motion(
     *,
     model: ModelName = "rigid",
 ) -> tuple[Transform, float]:
-    """`cur_from_prev` of point pairs (N, 2), N >= 2, and the share 0..1 that agree.
+    """`cur_from_prev` of point pairs (N, 2), N >= 2, and the share 0..1 of inliers.
 
-    A pair agrees when the transform takes it to within `tolerance` pixels. The rigid model
-    (eq. 3) turns and shifts; the others have more freedom (see `models`).
+    Parameters
+    ----------
+    prev_xy, cur_xy : (N, 2) float64
+        Corresponding points in the two frames, pixels.
+    method : {"robust", "least_squares"}
+    tolerance : float
+        Largest error of an inlier, pixels.
+    model : {"rigid", "similarity", "affine", "homography"}
+        "rigid" is eq. 3; the others have more degrees of freedom.
     """
     p, q = _complex(prev_xy), _complex(cur_xy)
     if method == "least_squares":
-        turn, shift = least_squares(p, q, np.ones(len(p)), model)
+        turn, shift = _least_squares(p, q, np.ones(len(p)), model)
     else:
-        turn, shift = robust(p, q, tolerance, model)
+        turn, shift = _robust(p, q, tolerance, model)
     cur_from_prev = np.array(
         [[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1]]
     )
     if model in ("affine", "homography"):
         sigma = tolerance if method == "robust" else np.inf
-        cur_from_prev = _freed(cur_from_prev, prev_xy, cur_xy, sigma, model)
-    distance = np.hypot(*(map_units(cur_from_prev, prev_xy.T) - cur_xy.T))
+        cur_from_prev = _refined(cur_from_prev, prev_xy, cur_xy, sigma, model)
+    distance = np.hypot(*(map_columns(cur_from_prev, prev_xy.T) - cur_xy.T))
     return cur_from_prev, float((distance <= tolerance).mean())
 
 
-def _freed(
+def _refined(
     cur_from_prev: Transform, prev_xy: Points, cur_xy: Points, sigma: float, model: ModelName
 ) -> Transform:
-    """A similarity improved within a larger model, under Geman-McClure weights of `sigma` px."""
-    middle, size = prev_xy.mean(axis=0), max(float(np.ptp(prev_xy, axis=0).max()) / 2, 1.0)
-    pixel_from_unit = np.array([[size, 0, middle[0]], [0, size, middle[1]], [0, 0, 1]])
+    """A similarity refined within a larger model, with Geman-McClure weights of `sigma` px."""
+    center, size = prev_xy.mean(axis=0), max(float(np.ptp(prev_xy, axis=0).max()) / 2, 1.0)
+    pixel_from_unit = np.array([[size, 0, center[0]], [0, size, center[1]], [0, 0, 1]])
     unit_from_pixel = np.linalg.inv(pixel_from_unit)
     found = unit_from_pixel @ cur_from_prev @ pixel_from_unit
-    prev, cur = ((xy - middle).T / size for xy in (prev_xy, cur_xy))
+    prev, cur = ((xy - center).T / size for xy in (prev_xy, cur_xy))
     for _ in range(_FREE_ROUNDS):
-        mapped = map_units(found, prev)
+        mapped = map_columns(found, prev)
         residual = cur - mapped
         weights = 1 / (1 + (residual**2).sum(axis=0) * (size / sigma) ** 2) ** 2
         flow = velocities(mapped, model)
         hessian = np.einsum("iaj,kaj,j->ik", flow, flow, weights)
         hessian += _DAMPING * np.eye(FREEDOM[model]) * weights.sum()
         steps = np.linalg.solve(hessian, np.einsum("iaj,aj,j->i", flow, residual, weights))
-        found = within(change(steps) @ found, model)
+        found = normalized(small_transform(steps) @ found, model)
     return np.asarray(pixel_from_unit @ found @ unit_from_pixel, dtype=np.float64)
 
 
-def least_squares(
+def _least_squares(
     p: Complex, q: Complex, weights: Floats, model: ModelName
 ) -> tuple[complex, complex]:
     """(turn, shift) with the least weighted sum of squared distances (eq. 3)."""
@@ -92,26 +106,26 @@ def least_squares(
     return complex(turn), complex(q_mean - turn * p_mean)
 
 
-def robust(p: Complex, q: Complex, tolerance: float, model: ModelName) -> tuple[complex, complex]:
+def _robust(p: Complex, q: Complex, tolerance: float, model: ModelName) -> tuple[complex, complex]:
     """(turn, shift) of the largest group of pairs that agree within `tolerance` pixels.
 
-    The group is found by two-point hypotheses (the same ones at every call, so results repeat),
-    then refined by least squares under Geman-McClure weights that grow stricter.
+    The group is found by two-point hypotheses, which are the same in every call, and refined by
+    least squares with Geman-McClure weights of decreasing width.
     """
     turn, shift = _consensus(p, q, tolerance, model)
     for sigma in np.geomspace(tolerance, tolerance / 2, _ROUNDS):
         squared = _squared(turn * p + shift - q)
-        turn, shift = least_squares(p, q, 1 / (1 + squared / sigma**2) ** 2, model)
+        turn, shift = _least_squares(p, q, 1 / (1 + squared / sigma**2) ** 2, model)
     return turn, shift
 
 
 def _consensus(
     p: Complex, q: Complex, tolerance: float, model: ModelName
 ) -> tuple[complex, complex]:
-    """The two-point hypothesis that most pairs come near to.
+    """The two-point hypothesis with the largest soft count of inliers.
 
-    Nearness fades instead of ending at the tolerance: on water no two points agree exactly, and
-    a hard count would pick a group by chance.
+    The weight of a pair decreases smoothly with its error: on water no two points agree exactly,
+    and a hard count would select a group by chance.
     """
     first, second = _pairs(len(p))
     span = p[second] - p[first]
@@ -127,7 +141,7 @@ def _consensus(
 
 @lru_cache(maxsize=256)
 def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Indices of the first and second point of every hypothesis; never the same point twice."""
+    """Indices of the first and second point of each hypothesis; the two always differ."""
     rng = np.random.default_rng(count)
     first = rng.integers(0, count, _HYPOTHESES)
     second = (first + rng.integers(1, count, _HYPOTHESES)) % count

@@ -1,39 +1,137 @@
-"""The keypoint generators that the paper compares (Table 2)."""
+"""Camera motion from keypoints: detect, follow, fit (eq. 1-4 of the paper)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image
+from ssiam.motion.fit import FitName, fit_motion
+from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
+from ssiam.motion.models import ModelName
+from ssiam.motion.motion import Motion
 
 GeneratorName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
 Keypoints: TypeAlias = NDArray[np.float32]
-_Generate: TypeAlias = Callable[[Image, Image | None], Keypoints]
+_Detect: TypeAlias = Callable[[Image, Image | None], Keypoints]
 
-_ORB_POINTS = 500
-_ORB_LEVELS = 2  # flow needs places, not scales: 2 octaves cost a fifth of 8 levels of 1.2
-_ORB_SCALE = 2.0
-_ORB_PATCH = 9  # px, for the orientation, which flow does not need
-_GFTT_POINTS = 200
-_GFTT_QUALITY = 0.01  # share of the strongest corner's response
-_GFTT_DISTANCE = 10.0  # px between points
-_BRISK_THRESHOLD = 40  # grey levels
-_CELLS_XY = (16, 12)  # at most one point in each cell of the frame
+# Detectors
+_ORB_POINTS: Final = 500
+_ORB_LEVELS: Final = 2  # flow needs no scale: 2 octaves take a fifth of the time of 8 levels of 1.2
+_ORB_SCALE: Final = 2.0
+_ORB_PATCH: Final = 9  # px, for the orientation, which flow does not need
+_GFTT_POINTS: Final = 200
+_GFTT_QUALITY: Final = 0.01  # share of the strongest corner's response
+_GFTT_DISTANCE: Final = 10.0  # px between points
+_BRISK_THRESHOLD: Final = 40  # gray levels
+_CELLS_XY: Final = (16, 12)  # at most one point in each cell of the frame
+
+# Lucas-Kanade flow
+_WINDOW: Final = (17, 17)  # px; a quarter faster than the usual 21, and as exact here
+_LEVELS: Final = 4  # 17 px at 1/16 of the size follows shifts of some 100 px
+_STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)  # iterations, px
+
+# Fit
+_MIN_POINTS: Final = 12  # inliers of a reliable fit
+_MIN_SHARE: Final = 0.20  # share of inliers of a reliable fit
+_TOLERANCE: Final = 1.5 / 640  # of the longer side: largest error of an inlier
+_MIN_TOLERANCE: Final = 1.0  # px
+
+_LONGER_SIDE: Final = 320  # px of the small frame in which the scene's outline is found
+_BLANK_STRIDE: Final = 8  # px between the samples that decide whether a frame is blank
+
+
+class KeypointMotion:
+    """Camera motion of frames of one size, from keypoints of the previous frame.
+
+    Parameters
+    ----------
+    size_wh : (int, int)
+        Width and height of the frames, pixels.
+    generator : KeypointGenerator
+    fit : {"robust", "least_squares"}
+    model : {"rigid", "similarity", "affine", "homography"}
+    """
+
+    def __init__(
+        self,
+        size_wh: tuple[int, int],
+        generator: KeypointGenerator,
+        fit: FitName,
+        model: ModelName,
+    ) -> None:
+        self._size_wh = size_wh
+        self._generator = generator
+        self._fit: FitName = fit
+        self._model: ModelName = model
+        self._tolerance = max(_TOLERANCE * max(size_wh), _MIN_TOLERANCE)
+        self._prev_gray: Image | None = None
+
+    def set_previous(self, frame: Image) -> None:
+        """Use a frame (H, W, 3) uint8 as the previous one."""
+        self._prev_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+    def estimate(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
+        """The motion from the previous frame to this one, without the points in `boxes`.
+
+        Boxes are (N, 4): low xy, high xy, pixels of the previous frame. Blank frames are skipped,
+        as in `DirectMotion`.
+        """
+        prev_gray = self._prev_gray
+        cur_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        if prev_gray is None:
+            self._prev_gray = cur_gray
+            return Motion.none(self._size_wh, reliable=True)
+        if is_blank(cur_gray[::_BLANK_STRIDE, ::_BLANK_STRIDE].copy()):
+            return Motion.none(self._size_wh)
+        self._prev_gray = cur_gray
+        points = _spread(
+            self._generator(prev_gray, self._background(prev_gray, boxes)), self._size_wh
+        )
+        prev_xy, cur_xy = _follow(prev_gray, cur_gray, points)
+        if len(prev_xy) < _MIN_POINTS:
+            return Motion.none(self._size_wh)
+        cur_from_prev, inliers = fit_motion(
+            prev_xy.astype(np.float64),
+            cur_xy.astype(np.float64),
+            self._fit,
+            self._tolerance,
+            model=self._model,
+        )
+        motion = Motion(cur_from_prev, inliers, True, self._size_wh)
+        agreed = inliers >= _MIN_SHARE and inliers * len(prev_xy) >= _MIN_POINTS
+        reliable = agreed or self._fit == "least_squares"
+        return motion if reliable and motion.is_plausible else Motion.none(self._size_wh)
+
+    def _background(self, gray: Image, boxes: NDArray[np.float64]) -> Image | None:
+        """Mask (H, W) uint8, 0 in the boxes and outside of the scene; None if all is used."""
+        scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
+        small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
+        outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))
+        if outside is None and len(boxes) == 0:
+            return None
+        if outside is None:
+            mask = np.full(gray.shape, 255, dtype=np.uint8)
+        else:
+            scene = cv2.resize(without_rim(outside), self._size_wh, interpolation=cv2.INTER_NEAREST)
+            mask = np.asarray(scene, dtype=np.uint8)
+        for left, top, right, bottom in np.maximum(np.rint(boxes), 0).astype(int).tolist():
+            mask[top:bottom, left:right] = 0
+        return mask
 
 
 class KeypointGenerator:
-    """Generator of keypoints by its name in Table 2 of the paper.
+    """A keypoint detector of the paper's Table 2.
 
-    Called with a grey frame (H, W) uint8 and a mask (H, W) uint8 or None (points only where it
-    is not 0), it returns (N, 2) float32 points, x and y in pixels, the strongest first. A copy
-    has a detector of its own, for those of OpenCV work in buffers that they keep.
+    Call it with a gray frame (H, W) uint8 and a mask (H, W) uint8 or None (detect only where the
+    mask is not 0). It returns points (N, 2) float32, x and y in pixels, the strongest first.
 
-    Threads: one thread at a time.
+    Threads: one thread at a time. A copy has its own detector, because those of OpenCV work in
+    buffers that they keep.
 
     Parameters
     ----------
@@ -42,47 +140,32 @@ class KeypointGenerator:
 
     def __init__(self, name: GeneratorName) -> None:
         self._name: GeneratorName = name
-        self._generate = _generator(name)
+        self._detect = _detector(name)
 
     def __call__(self, gray: Image, mask: Image | None) -> Keypoints:
-        """The points of a grey frame."""
-        return self._generate(gray, mask)
+        """Keypoints of a gray frame."""
+        return self._detect(gray, mask)
 
     def __reduce__(self) -> tuple[type[KeypointGenerator], tuple[GeneratorName]]:
         return KeypointGenerator, (self._name,)
 
 
-def spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
-    """The strongest point of each cell of a grid over the frame of (width, height) pixels.
-
-    Detectors crowd their points on the most textured thing in view, which may well be the one
-    thing that moves by itself; a rigid fit wants them all over the picture.
-    """
-    columns, rows = _CELLS_XY
-    column, row = (points * np.divide(_CELLS_XY, size_wh)).astype(np.intp).T
-    strongest = np.full(columns * rows, -1)
-    order = np.arange(len(points))[::-1]  # the strongest is written last, and stays
-    strongest[(row * columns + column)[::-1]] = order
-    spread_out: Keypoints = points[strongest[strongest >= 0]]
-    return spread_out
-
-
-def _generator(name: GeneratorName) -> _Generate:
+def _detector(name: GeneratorName) -> _Detect:
     match name:
         case "orb":
-            return _detector(_orb())
+            return _feature_detector(_orb())
         case "brisk":
-            return _detector(_brisk())
+            return _feature_detector(_brisk())
         case "mser":
-            return _detector(cv2.MSER.create())
+            return _feature_detector(cv2.MSER.create())
         case "gftt":
-            return _corners(harris=False)
+            return _corner_detector(harris=False)
         case "harris":
-            return _corners(harris=True)
+            return _corner_detector(harris=True)
 
 
 def _orb() -> Any:
-    """ORB without what only descriptors need; ranked by FAST's score."""
+    """ORB without the work that only descriptors need; ranked by the FAST score."""
     return cv2.ORB.create(
         _ORB_POINTS,
         _ORB_SCALE,
@@ -100,19 +183,19 @@ def _brisk() -> Any:
     return brisk.create(_BRISK_THRESHOLD)
 
 
-def _detector(detector: Any) -> _Generate:
-    def generate(gray: Image, mask: Image | None) -> Keypoints:
+def _feature_detector(detector: Any) -> _Detect:
+    def detect(gray: Image, mask: Image | None) -> Keypoints:
         found = detector.detect(gray, mask)
         response = np.array([point.response for point in found], dtype=np.float32)
         order = np.argsort(-response, kind="stable")
         xy = np.asarray(cv2.KeyPoint.convert(found), dtype=np.float32).reshape(-1, 2)
         return xy[order]
 
-    return generate
+    return detect
 
 
-def _corners(*, harris: bool) -> _Generate:
-    def generate(gray: Image, mask: Image | None) -> Keypoints:
+def _corner_detector(*, harris: bool) -> _Detect:
+    def detect(gray: Image, mask: Image | None) -> Keypoints:
         found = cv2.goodFeaturesToTrack(
             gray,
             _GFTT_POINTS,
@@ -123,4 +206,42 @@ def _corners(*, harris: bool) -> _Generate:
         )
         return np.asarray([] if found is None else found, dtype=np.float32).reshape(-1, 2)
 
-    return generate
+    return detect
+
+
+def _spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
+    """The strongest point of each cell of a grid over the frame of (width, height) pixels.
+
+    Detectors crowd their points on the most textured object, which may move independently of the
+    camera; a rigid fit needs points all over the frame.
+    """
+    columns, rows = _CELLS_XY
+    column, row = (points * np.divide(_CELLS_XY, size_wh)).astype(np.intp).T
+    strongest = np.full(columns * rows, -1)
+    order = np.arange(len(points))[::-1]  # the strongest is written last, and stays
+    strongest[(row * columns + column)[::-1]] = order
+    spread: Keypoints = points[strongest[strongest >= 0]]
+    return spread
+
+
+def _follow(prev_gray: Image, cur_gray: Image, prev_xy: Keypoints) -> tuple[Keypoints, Keypoints]:
+    """Points of the previous frame and their positions in this one, by Lucas-Kanade flow.
+
+    Takes and returns (N, 2) float32 pixels (eq. 1 and 2, on a pyramid). Points that were lost or
+    left the frame are removed from both results.
+    """
+    if len(prev_xy) == 0:
+        return prev_xy, prev_xy
+    cur_xy, found, _ = cv2.calcOpticalFlowPyrLK(
+        prev_gray,
+        cur_gray,
+        prev_xy,
+        np.empty_like(prev_xy),
+        winSize=_WINDOW,
+        maxLevel=_LEVELS,
+        criteria=_STOP,
+    )
+    height, width = cur_gray.shape
+    inside = ((cur_xy >= 0) & (cur_xy <= (width - 1, height - 1))).all(axis=1)
+    kept = found.ravel().astype(bool) & inside
+    return prev_xy[kept], np.asarray(cur_xy, dtype=np.float32)[kept]

@@ -1,9 +1,9 @@
-"""The families of transforms a camera's motion is sought in, each spanned by a few generators.
+"""Motion models: families of transforms, each spanned by a few generators.
 
-A generator is a small change of a transform: ``I + step * generator`` shifts, turns, zooms, … by
-`step`. Both ways to estimate a motion, from keypoints and directly from the pixels, improve a
-transform by steps along the generators. Coordinates here are *units*: the middle of the picture
-is (0, 0), half of its longer side is 1, so that one step means about the same for each generator.
+A generator is a small change of a transform: ``I + step * generator`` shifts, rotates, zooms, ...
+by `step`. Both estimators, keypoints and direct alignment, improve a transform by steps along the
+generators. Coordinates are *units*: the frame center is (0, 0) and half of the longer side is 1,
+so that a step has a similar effect for each generator.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from ssiam.geometry import IDENTITY, Transform
 ModelName: TypeAlias = Literal["rigid", "similarity", "affine", "homography"]
 
 FREEDOM: Final[dict[ModelName, int]] = {"rigid": 3, "similarity": 4, "affine": 6, "homography": 8}
+"""Degrees of freedom of each model."""
 
-_GENERATORS: Final = np.zeros((8, 3, 3))  # a model uses the first ones
+_GENERATORS: Final = np.zeros((8, 3, 3))  # a model uses the first FREEDOM of them
 _GENERATORS[0, 0, 2] = 1  # shift along x
 _GENERATORS[1, 1, 2] = 1  # shift along y
-_GENERATORS[2, 1, 0], _GENERATORS[2, 0, 1] = 1, -1  # turn
+_GENERATORS[2, 1, 0], _GENERATORS[2, 0, 1] = 1, -1  # rotation
 _GENERATORS[3, 0, 0], _GENERATORS[3, 1, 1] = 1, 1  # zoom
 _GENERATORS[4, 0, 0], _GENERATORS[4, 1, 1] = 1, -1  # stretch
 _GENERATORS[5, 0, 1], _GENERATORS[5, 1, 0] = 1, 1  # shear
-_GENERATORS[6, 2, 0] = -1  # tilt about the vertical
-_GENERATORS[7, 2, 1] = -1  # tilt about the horizontal
+_GENERATORS[6, 2, 0] = -1  # tilt about the vertical axis
+_GENERATORS[7, 2, 1] = -1  # tilt about the horizontal axis
 _FLAT: Final = _GENERATORS.reshape(8, 9)
 
 
 def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]:
-    """How points (2, N) move, (freedom, 2, N) units for a step of 1 along each generator."""
+    """Velocities (freedom, 2, N) of points (2, N) for a step of 1 along each generator; units."""
     x, y = xy
     one, zero = np.ones_like(x), np.zeros_like(x)
     vx = (one, zero, -y, x, x, y, x * x, x * y)
@@ -42,14 +43,14 @@ def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]
     return np.stack([np.stack(pair) for pair in zip(vx[:freedom], vy[:freedom], strict=True)])
 
 
-def change(steps: NDArray[np.float64]) -> Transform:
+def small_transform(steps: NDArray[np.float64]) -> Transform:
     """The transform of small steps along the first generators, to first order."""
-    changed: Transform = IDENTITY + steps.dot(_FLAT[: len(steps)]).reshape(3, 3)
-    return changed
+    transform: Transform = IDENTITY + steps.dot(_FLAT[: len(steps)]).reshape(3, 3)
+    return transform
 
 
-def within(to_from_from: Transform, model: ModelName) -> Transform:
-    """The member of a model next to a transform that small steps have carried off it."""
+def normalized(to_from_from: Transform, model: ModelName) -> Transform:
+    """The transform of a model next to the result of small steps; changes the array."""
     if model == "rigid":
         (a, b, _), (c, d, _), _ = to_from_from.tolist()
         to_from_from[:2, :2] /= math.sqrt(abs(a * d - b * c))
@@ -58,7 +59,7 @@ def within(to_from_from: Transform, model: ModelName) -> Transform:
     return to_from_from
 
 
-def map_units(to_from_from: Transform, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (2, N) taken through a transform."""
+def map_columns(to_from_from: Transform, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (2, N), one in each column, mapped by a transform."""
     mapped = to_from_from[:, :2] @ xy + to_from_from[:, 2:]
     return np.asarray(mapped[:2] / mapped[2], dtype=np.float64)

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ssiam.copying import SharedByCopies
+from ssiam.copying import SharedOnCopy
 from ssiam.errors import ArgumentError
 from ssiam.networks.checkpoints import Checkpoint
 from ssiam.networks.export import InferenceGraph, MaskGraph, RefineGraph, inference_graphs
@@ -59,7 +59,7 @@ def piece_shapes(name: NetworkName) -> dict[str, PieceShapes]:
     return shapes
 
 
-class GraphRunner(SharedByCopies):
+class GraphRunner(SharedOnCopy):
     """A piece of a network, without gradients.
 
     Threads: may be called from any number at once; the network keeps nothing between calls.
@@ -75,7 +75,7 @@ class GraphRunner(SharedByCopies):
         Of the weights. Input and output arrays are float32 in any case.
     """
 
-    _instead = "load it in each process"
+    _copy_hint = "load it in each process"
 
     def __init__(
         self,

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ssiam.copying import SharedByCopies
+from ssiam.copying import SharedOnCopy
 from ssiam.errors import ArgumentError, MissingExtraError
 from ssiam.runtime.files import check_onnx, damaged_error, input_shape_error, not_int8_error
 from ssiam.runtime.network import DeviceName, Precision, Tensor
@@ -35,7 +35,7 @@ _STATE: Final = ort.capi.onnxruntime_pybind11_state
 _LOAD_ERRORS: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, RuntimeError)
 
 
-class OnnxRuntimeNetwork(SharedByCopies):
+class OnnxRuntimeNetwork(SharedOnCopy):
     """An ONNX file in an ONNX Runtime session.
 
     Threads: may be called from any number at once; a session keeps nothing between calls.
@@ -61,7 +61,7 @@ class OnnxRuntimeNetwork(SharedByCopies):
         The installed ONNX Runtime was not built for the device.
     """
 
-    _instead = "load it in each process"
+    _copy_hint = "load it in each process"
 
     def __init__(
         self,

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ssiam.copying import SharedByCopies
+from ssiam.copying import SharedOnCopy
 from ssiam.runtime.files import (
     cache_folder,
     check_onnx,
@@ -40,7 +40,7 @@ _LOG = logging.getLogger(__name__)
 _MIN_CACHED_BYTES: Final = 8_000_000  # size of an .onnx file; smaller ones compile fast
 
 
-class OpenVinoNetwork(SharedByCopies):
+class OpenVinoNetwork(SharedOnCopy):
     """An ONNX file compiled for this CPU.
 
     Threads: may be called from any number at once; each call has its own inference request.
@@ -68,7 +68,7 @@ class OpenVinoNetwork(SharedByCopies):
         The file is missing, damaged, not ONNX, not in int8, or does not accept `input_shape`.
     """
 
-    _instead = "load it in each process"
+    _copy_hint = "load it in each process"
 
     def __init__(
         self,

@@ -1,9 +1,8 @@
-"""From the camera's motion to a steadied view of each frame."""
+"""From the camera motion to a stabilized view of each frame."""
 
-from ssiam.stabilize.config import METHODS, Method, StabilizerConfig
-from ssiam.stabilize.path import CameraPath
-from ssiam.stabilize.prediction import Prediction
-from ssiam.stabilize.stabilizer import Stabilizer
+from ssiam.stabilize.config import METHODS, Method, PaperConfig, PredictConfig, StabilizerConfig
+from ssiam.stabilize.predictor import TargetPredictor
+from ssiam.stabilize.stabilizer import CameraPath, Stabilizer
 from ssiam.stabilize.view import FrameView
 
 __all__ = [
@@ -11,7 +10,9 @@ __all__ = [
     "CameraPath",
     "FrameView",
     "Method",
-    "Prediction",
+    "PaperConfig",
+    "PredictConfig",
     "Stabilizer",
     "StabilizerConfig",
+    "TargetPredictor",
 ]

@@ -1,77 +1,64 @@
-"""`StabilizerConfig`: the paper's numbers, each with its symbol and unit."""
+"""`StabilizerConfig`: the settings of stabilization, each with its symbol and unit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.geometry import shortened
+from ssiam.geometry import short_repr
 from ssiam.motion import KEYPOINTS, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal", "predict"]
-_NOT_NEGATIVE: Final = ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha", "margin")
-_SHARES: Final = ("memory", "smoothing")
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
+def _check_type(config: object, name: str, kind: type, expected: str) -> None:
+    value = getattr(config, name)
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name} is {short_repr(value)}: it must be {expected}")
+
+
+def _check_not_negative(config: object, name: str) -> None:
+    value = getattr(config, name)
+    if not value >= 0:
+        raise ArgumentError(f"{name} is {value}: it must not be negative")
+
+
 @dataclass(frozen=True)
-class StabilizerConfig:
-    """How frames are steadied; the defaults are the paper's numbers where it has them.
+class PaperConfig:
+    """Settings of the smoothed camera path ("paper" and "literal"); defaults of the paper.
 
     Threads: a value; any number of threads may share it.
 
     Parameters
     ----------
-    stabilize : {"predict", "paper", "literal", "off"}
-        "predict" moves the frame so that the target lies where the tracker last saw it; "paper"
-        moves it onto the smoothed camera path; "literal" is eq. 5 as printed, which puts one
-        frame's shake back in (for ablation); "off" leaves every frame alone.
-    keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}, optional
-        Keypoint generator of the camera motion (Table 2); "direct" needs none, and is faster
-        and surer. Unless given, "direct" for "predict" and the paper's "orb" for the others.
-    fit : {"robust", "least_squares"}
-        Rigid fit of the camera motion; least squares is the printed form (eq. 3).
     window : int
         Frames of the camera path that are averaged, the current one included.
     gate : float
         Threshold judge of Fig. 2, pixels: a frame whose pixels are all within this distance of
-        the smoothed path is not steadied.
+        the smoothed path is left as it is. The paper gives no number.
     border : int
-        N of eq. 6: pixels added on each side of the steadied frame, so that nothing is lost.
+        N of eq. 6: pixels added on each side of the stabilized frame, so that nothing is lost.
+        "predict" uses it too.
     thx1 : float
         THx1 of eq. 6, pixels: the shift along x is at most N + THx1.
     thy1 : float
         THy1 of eq. 6, pixels: the shift along y is at most N + THy1.
     thx2 : float
-        THx2 of eq. 6, pixels per frame: how much the shift along x may change.
+        THx2 of eq. 6, pixels per frame: the largest change of the shift along x.
     thy2 : float
-        THy2 of eq. 6, pixels per frame: how much the shift along y may change.
+        THy2 of eq. 6, pixels per frame: the largest change of the shift along y.
     tha : float
         THa of eq. 6, radians: the largest rotation.
-    choose : bool
-        Of "predict": choose among four predictions by how good they were of late; without it the
-        camera's motion and the target's speed are always believed.
-    speed : bool
-        Of "predict": the target's own speed counts.
-    turn : bool
-        Of "predict": the camera's roll is taken out of the view.
-    trust : bool
-        Of "predict": boxes in which the tracker hardly believes tell less, and no speed.
-    find : bool
-        Of "predict": a target that is lost is looked for where it was in the scene.
-    memory : float
-        Of "predict", 0..1: weight of the past in the running errors of the predictions.
-    smoothing : float
-        Of "predict", 0..1: weight of the past in the target's speed.
-    margin : float
-        Of "predict", in target sizes: by how much a prediction must be better than "where it was".
+
+    Raises
+    ------
+    ArgumentError
+        A value is of the wrong type or out of its range.
     """
 
-    stabilize: Method = "predict"
-    keypoints: KeypointName = None  # type: ignore[assignment]  # the method's own, once made
-    fit: FitName = "robust"
     window: int = 30
     gate: float = 0.1
     border: int = 20
@@ -80,6 +67,50 @@ class StabilizerConfig:
     thx2: float = 20.0
     thy2: float = 10.0
     tha: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("window", "border"):
+            _check_type(self, name, Integral, "a whole number")
+        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
+            _check_type(self, name, Real, "a number")
+        if self.window < 1:
+            raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
+        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
+            _check_not_negative(self, name)
+
+
+@dataclass(frozen=True)
+class PredictConfig:
+    """Settings of "predict", which centers the view on the predicted target position.
+
+    Threads: a value; any number of threads may share it.
+
+    Parameters
+    ----------
+    choose : bool
+        Choose among four predictions by their recent errors; without it the camera motion and the
+        target's speed are always applied.
+    speed : bool
+        Use the target's own speed.
+    turn : bool
+        Remove the camera's roll from the view.
+    trust : bool
+        Give low-score boxes less weight in the prediction errors and none in the speed.
+    find : bool
+        Search for a lost target at its position in the scene.
+    memory : float
+        0..1: weight of the past in the running errors of the predictions.
+    smoothing : float
+        0..1: weight of the past in the target's speed.
+    margin : float
+        Target sizes by which a prediction must be better than the last position.
+
+    Raises
+    ------
+    ArgumentError
+        A value is of the wrong type or out of its range.
+    """
+
     choose: bool = True
     speed: bool = True
     turn: bool = True
@@ -90,28 +121,110 @@ class StabilizerConfig:
     margin: float = 0.1
 
     def __post_init__(self) -> None:
-        check_choice("stabilize", self.stabilize, METHODS)
-        if self.keypoints is None:
-            own: KeypointName = "direct" if self.stabilize == "predict" else "orb"
-            object.__setattr__(self, "keypoints", own)
-        check_choice("keypoints", self.keypoints, KEYPOINTS)
-        check_choice("fit", self.fit, get_args(FitName))
-        for name in ("window", "border"):
-            self._check(name, Integral, "a whole number")
-        for name in (*_NOT_NEGATIVE, *_SHARES):
-            self._check(name, Real, "a number")
         for name in ("choose", "speed", "turn", "trust", "find"):
-            self._check(name, bool, "True or False")
-        if self.window < 1:
-            raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
-        for name in _NOT_NEGATIVE:
-            if not getattr(self, name) >= 0:
-                raise ArgumentError(f"{name} is {getattr(self, name)}: it must not be negative")
-        for name in _SHARES:
+            _check_type(self, name, bool, "True or False")
+        for name in ("memory", "smoothing", "margin"):
+            _check_type(self, name, Real, "a number")
+        _check_not_negative(self, "margin")
+        for name in ("memory", "smoothing"):
             if not 0 <= getattr(self, name) < 1:
                 raise ArgumentError(f"{name} is {getattr(self, name)}: it must be in 0..1, below 1")
 
-    def _check(self, name: str, kind: type, wanted: str) -> None:
-        value = getattr(self, name)
-        if not isinstance(value, kind):
-            raise ArgumentError(f"{name} is {shortened(value)}: it must be {wanted}")
+
+_PARTS: Final[dict[str, type[PaperConfig] | type[PredictConfig]]] = {
+    "paper": PaperConfig,
+    "predict": PredictConfig,
+}
+
+
+@dataclass(frozen=True)
+class StabilizerConfig:
+    """How frames are stabilized.
+
+    Threads: a value; any number of threads may share it.
+
+    Parameters
+    ----------
+    stabilize : {"predict", "paper", "literal", "off"}
+        "predict" moves the frame so that the target appears where the tracker last saw it; "paper"
+        moves it onto the smoothed camera path; "literal" is eq. 5 as printed, which adds one
+        frame's shake again (for ablation); "off" leaves every frame as it is.
+    keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}, optional
+        Keypoint generator of the camera motion (Table 2); "direct" aligns pixels instead, and is
+        faster and more robust. By default "direct" for "predict" and the paper's "orb" for the
+        others.
+    fit : {"robust", "least_squares"}
+        Rigid fit of the camera motion; least squares is the printed form (eq. 3).
+    paper : PaperConfig
+        Settings of "paper" and "literal".
+    predict : PredictConfig
+        Settings of "predict".
+
+    Raises
+    ------
+    ArgumentError
+        A value is of the wrong type or not one of the choices.
+
+    Examples
+    --------
+    >>> config = StabilizerConfig("paper", paper=PaperConfig(thx1=80.0))
+    >>> config == StabilizerConfig("paper").with_options(thx1=80.0)
+    True
+    """
+
+    stabilize: Method = "predict"
+    keypoints: KeypointName = None  # type: ignore[assignment]  # replaced in __post_init__
+    fit: FitName = "robust"
+    paper: PaperConfig = PaperConfig()
+    predict: PredictConfig = PredictConfig()
+
+    def __post_init__(self) -> None:
+        check_choice("stabilize", self.stabilize, METHODS)
+        if self.keypoints is None:
+            default: KeypointName = "direct" if self.stabilize == "predict" else "orb"
+            object.__setattr__(self, "keypoints", default)
+        check_choice("keypoints", self.keypoints, KEYPOINTS)
+        check_choice("fit", self.fit, get_args(FitName))
+        for name, part in _PARTS.items():
+            _check_type(self, name, part, f"a {part.__name__}")
+
+    @property
+    def border(self) -> int:
+        """N of eq. 6, pixels; used by every method that moves frames."""
+        return self.paper.border
+
+    def options(self) -> dict[str, Any]:
+        """All settings but the method by their names, which the command line and labels use."""
+        values: dict[str, Any] = {"keypoints": self.keypoints, "fit": self.fit}
+        for name in _PARTS:
+            part = getattr(self, name)
+            values |= {field.name: getattr(part, field.name) for field in fields(part)}
+        return values
+
+    def changed_options(self) -> dict[str, Any]:
+        """The options that differ from the defaults of this method."""
+        defaults = StabilizerConfig(self.stabilize).options()
+        return {name: value for name, value in self.options().items() if value != defaults[name]}
+
+    def with_options(self, **values: Any) -> StabilizerConfig:
+        """A copy with some options changed, by the names of `options`.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such option, or its value is not valid.
+        """
+        for name in values:
+            check_choice("option", name, tuple(self.options()))
+        parts = {
+            part: replace(
+                getattr(self, part),
+                **{
+                    field.name: values.pop(field.name)
+                    for field in fields(kind)
+                    if field.name in values
+                },
+            )
+            for part, kind in _PARTS.items()
+        }
+        return replace(self, **values, **parts)

@@ -1,7 +1,7 @@
-"""`FrameView`: a raw frame and its steadying, from which trackers cut what they look at.
+"""`FrameView`: a stabilized view of a raw frame, from which trackers take their search regions.
 
 The paper warps the whole frame and then crops a small square out of it. Both are affine, so the
-two are one `warpAffine` of the square's size, straight from the raw frame.
+two are one `warpAffine` of the square's size, directly from the raw frame.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import IDENTITY, XYWH, Image, Transform
 
-Colour = NDArray[np.float64]
+Color = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class FrameView:
-    """A steadied frame that is only computed where it is looked at.
+    """A stabilized frame, of which only the requested part is computed.
 
     Threads: a value; any number of threads may share it.
 
@@ -28,10 +28,10 @@ class FrameView:
     ----------
     raw : (H, W, 3) uint8 BGR
     stab_from_raw : (3, 3) float64
-        Takes raw-frame pixels to steadied pixels (M_t of eq. 7).
+        Maps raw-frame pixels to stabilized pixels (M_t of eq. 7).
     border : int
-        N of eq. 6: pixels that `render` adds on each side. Steadied coordinates do not count
-        them: steadied (0, 0) is `render`'s pixel (N, N).
+        N of eq. 6: pixels that `render` adds on each side. Stabilized coordinates do not include
+        them: stabilized (0, 0) is pixel (N, N) of `render`.
     """
 
     raw: Image
@@ -45,37 +45,50 @@ class FrameView:
 
     @cached_property
     def raw_from_stab(self) -> Transform:
-        """The way back (eq. 9): the inverse transform."""
+        """Maps stabilized pixels to raw-frame pixels: the inverse transform (eq. 9)."""
         return np.asarray(np.linalg.inv(self.stab_from_raw))
 
     @cached_property
     def is_raw(self) -> bool:
-        """Whether this view shows the raw frame as it is."""
+        """Whether this view is the raw frame."""
         return bool(np.array_equal(self.stab_from_raw, IDENTITY))
 
-    def crop(self, centre_xy: tuple[float, float], side: int, out: int, fill: Colour) -> Image:
-        """Square of `side` steadied pixels around a point, resized to (out, out, 3) uint8.
+    def crop(self, center_xy: tuple[float, float], side: int, out: int, fill: Color) -> Image:
+        """A square of the stabilized frame, resized to (out, out, 3) uint8.
 
-        What lies outside of the frame gets the colour `fill`, its fractions cut off. On an
-        unsteadied view this is the reference trackers' crop (pysot's `get_subwindow`) bit for
-        bit, its rounding of the corner included; on a steadied one it is the same square.
+        On a raw view this is the reference trackers' crop (pysot's `get_subwindow`) bit for bit,
+        including its rounding of the corner; on a stabilized view it is the same square.
+
+        Parameters
+        ----------
+        center_xy : (float, float)
+            Center of the square, stabilized pixels.
+        side : int
+            Side of the square, stabilized pixels.
+        out : int
+            Side of the result, pixels.
+        fill : (3,) float64
+            Color outside of the frame, BGR; its fractions are truncated.
         """
         # The references take the corner at centre - (side + 1) / 2, rounded half up.
-        left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in centre_xy)
-        colour = np.trunc(fill).tolist()
+        left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in center_xy)
+        color = np.trunc(fill).tolist()
         if self.is_raw:
-            return _subwindow(self.raw, left, top, side, out, colour)
+            return _subwindow(self.raw, left, top, side, out, color)
         scale = side / out
         stab_from_crop = np.array(
             [[scale, 0, left + scale / 2 - 0.5], [0, scale, top + scale / 2 - 0.5], [0, 0, 1]]
         )
-        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), colour)
+        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), color)
 
     def render(self, around: XYWH | None = None) -> Image:
-        """The whole steadied frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
+        """The whole stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
 
-        Given `around` (x, y, w, h) in steadied pixels, only that part of a steadied frame is
-        drawn; the rest is black.
+        Parameters
+        ----------
+        around : (x, y, w, h), optional
+            Render only this part of a stabilized frame, stabilized pixels; the rest is black. A
+            raw view is always rendered whole.
         """
         n = self.border
         if self.is_raw and n == 0:
@@ -86,17 +99,17 @@ class FrameView:
         width, height = self.size_wh
         size_wh = width + 2 * n, height + 2 * n
         left, top, right, bottom = _part(around, n, size_wh)
-        picture = np.zeros((size_wh[1], size_wh[0], 3), np.uint8)
+        rendered = np.zeros((size_wh[1], size_wh[0], 3), np.uint8)
         if left < right and top < bottom:
             stab_from_part = np.array([[1.0, 0, left - n], [0, 1, top - n], [0, 0, 1]])
             raw_from_part = self.raw_from_stab @ stab_from_part
-            drawn = _warp(self.raw, raw_from_part, (right - left, bottom - top), [0, 0, 0])
-            picture[top:bottom, left:right] = drawn
-        return picture
+            warped = _warp(self.raw, raw_from_part, (right - left, bottom - top), [0, 0, 0])
+            rendered[top:bottom, left:right] = warped
+        return rendered
 
 
 def _part(around: XYWH | None, border: int, size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the rendered pixels that hold a box of steadied pixels."""
+    """Left, top, right, bottom of the rendered pixels that contain a box of stabilized pixels."""
     if around is None:
         return 0, 0, *size_wh
     x, y, w, h = around
@@ -107,9 +120,9 @@ def _part(around: XYWH | None, border: int, size_wh: tuple[int, int]) -> tuple[i
 
 
 def _warp(
-    raw: Image, raw_from_out: Transform, size_wh: tuple[int, int], colour: list[float]
+    raw: Image, raw_from_out: Transform, size_wh: tuple[int, int], color: list[float]
 ) -> Image:
-    """Picture of (width, height) whose pixel p shows the raw frame at ``raw_from_out @ p``."""
+    """Image of (width, height) pixels whose pixel p is the raw frame at ``raw_from_out @ p``."""
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpAffine(
         raw,
@@ -117,12 +130,12 @@ def _warp(
         size_wh,
         flags=flags,
         borderMode=cv2.BORDER_CONSTANT,
-        borderValue=colour,
+        borderValue=color,
     )
     return np.asarray(warped, dtype=np.uint8)
 
 
-def _subwindow(raw: Image, left: int, top: int, side: int, out: int, colour: list[float]) -> Image:
+def _subwindow(raw: Image, left: int, top: int, side: int, out: int, color: list[float]) -> Image:
     """Square [left, left + side) x [top, top + side) of the raw frame, resized to (out, out)."""
     height, width = raw.shape[:2]
     right, bottom = left + side, top + side
@@ -131,11 +144,11 @@ def _subwindow(raw: Image, left: int, top: int, side: int, out: int, colour: lis
         min(max(left, 0), width) : max(min(right, width), 0),
     ]
     if inside.size == 0:
-        inside = np.full((side, side, 3), colour, dtype=np.uint8)
+        inside = np.full((side, side, 3), color, dtype=np.uint8)
     elif inside.shape[:2] != (side, side):
         y, x = max(-top, 0), max(-left, 0)
         below, beside = side - y - inside.shape[0], side - x - inside.shape[1]
-        padded = cv2.copyMakeBorder(inside, y, below, x, beside, cv2.BORDER_CONSTANT, value=colour)
+        padded = cv2.copyMakeBorder(inside, y, below, x, beside, cv2.BORDER_CONSTANT, value=color)
         inside = np.asarray(padded, dtype=np.uint8)
     if side == out:
         return np.ascontiguousarray(inside)

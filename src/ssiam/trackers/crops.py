@@ -16,43 +16,43 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import Image
 from ssiam.stabilize import FrameView
-from ssiam.stabilize.view import Colour
+from ssiam.stabilize.view import Color
 
-Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Colour], Image]
+Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Color], Image]
 
 
 def pysot_crop(
-    view: FrameView, centre_xy: tuple[float, float], side: int, out: int, fill: Colour
+    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Color
 ) -> Image:
     """Crop of STVIR/pysot: corners rounded half up; `FrameView.crop` itself.
 
     Parameters
     ----------
     view : FrameView
-    centre_xy : (x, y)
+    center_xy : (x, y)
         Steadied pixels.
     side, out : int
         Side of the square in steadied pixels, and of the result.
     fill : (3,) float64
-        Colour (BGR) of what lies outside of the frame; its fractions are cut off.
+        Color (BGR) of what lies outside of the frame; its fractions are cut off.
 
     Returns
     -------
     (out, out, 3) uint8 BGR
     """
-    return view.crop(centre_xy, side, out, fill)
+    return view.crop(center_xy, side, out, fill)
 
 
 def siammask_crop(
-    view: FrameView, centre_xy: tuple[float, float], side: int, out: int, fill: Colour
+    view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Color
 ) -> Image:
     """Crop of foolwood/SiamMask: as `pysot_crop`, but with corners rounded half to even."""
-    left, top = (round(c - (side + 1) / 2) for c in centre_xy)
+    left, top = (round(c - (side + 1) / 2) for c in center_xy)
     return view.crop(_centre(left, top, side), side, out, fill)
 
 
 def siamfc_crop(
-    view: FrameView, centre_xy: NDArray[np.float32], side: float, out: int, fill: Colour
+    view: FrameView, center_xy: NDArray[np.float32], side: float, out: int, fill: Color
 ) -> Image:
     """Crop of huanglianghua/siamfc-pytorch, in RGB: side, corners and colour all rounded to even.
 
@@ -60,7 +60,7 @@ def siamfc_crop(
     precision, which decides some roundings. The result is (out, out, 3) uint8 **RGB**.
     """
     whole = round(side)
-    left, top = (int(np.rint(c)) for c in centre_xy - np.float32((whole - 1) / 2))
+    left, top = (int(np.rint(c)) for c in center_xy - np.float32((whole - 1) / 2))
     crop = view.crop(_centre(left, top, whole), whole, out, np.rint(fill[::-1]))
     return np.asarray(cv2.cvtColor(crop, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 

@@ -8,10 +8,10 @@ from functools import partial
 from numbers import Real
 from typing import Any, TypeVar
 
-from ssiam.copying import NotPickled
+from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, FrameSizeError
-from ssiam.geometry import XYWH, Image, check_box, check_frame, four_numbers, shortened
-from ssiam.motion import Motion, MotionAhead
+from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr, xywh_floats
+from ssiam.motion import Motion, PrefetchingCameraMotion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.steadied import SteadiedTracker
@@ -19,7 +19,7 @@ from ssiam.trackers.steadied import SteadiedTracker
 Result = TypeVar("Result")
 
 
-class TrackerGroup(NotPickled):
+class TrackerGroup(NotPicklable):
     """Follows any number of targets with trackers of one kind.
 
     Threads: one thread at a time for the group and its trackers; several groups may run at once.
@@ -48,7 +48,7 @@ class TrackerGroup(NotPickled):
         What the estimate of the camera's motion raised.
     """
 
-    _instead = "make one in each process of a tracker loaded there"
+    _copy_hint = "make one in each process of a tracker loaded there"
 
     def __init__(self, tracker: SteadiedTracker, *, keep_going: bool = False) -> None:
         self._first = tracker.another()
@@ -56,7 +56,7 @@ class TrackerGroup(NotPickled):
         self._trackers: list[SteadiedTracker] = []
         self._boxes: Sequence[Sequence[float]] = []
         self._size_wh: tuple[int, int] | None = None
-        self._camera: MotionAhead | None = None
+        self._camera: PrefetchingCameraMotion | None = None
         self.motion: Motion | None = None
         self.failures: Mapping[int, Exception] = {}
         self.camera_failure: Exception | None = None
@@ -92,7 +92,7 @@ class TrackerGroup(NotPickled):
             stabilization or in the group already, or the box is not of its form.
         """
         self._check_begun()
-        xywh = four_numbers(box)
+        xywh = xywh_floats(box)
         if not isinstance(tracker, SteadiedTracker) or not tracker.has_target:
             raise ArgumentError("this tracker has no target: call its init(frame, box) before join")
         if tracker.config != self._first.config:
@@ -215,6 +215,6 @@ def _several(boxes: Any) -> list[Any]:
             several = list(boxes)
     if several is None or any(isinstance(each, Real) for each in several):
         raise ArgumentError(
-            f"boxes is {shortened(boxes)}: give a list of (x, y, width, height) in pixels"
+            f"boxes is {short_repr(boxes)}: give a list of (x, y, width, height) in pixels"
         )
     return several

@@ -14,7 +14,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
@@ -87,7 +87,7 @@ class LiteNetworks:
         return cls(pieces["template"], pieces["search"])
 
 
-class LiteTracker(CopiedWhole):
+class LiteTracker(DeepCopied):
     """The loop on any frame view.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -128,7 +128,7 @@ class LiteTracker(CopiedWhole):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state, fill = state_at(xywh), view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        crop = view.crop(state.center_xy, round(state.context_side), EXEMPLAR, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         self._state, self._fill, self._kernel = state, fill, kernel
         self._floor_wh = smallest_size(state.size_wh)
@@ -139,7 +139,7 @@ class LiteTracker(CopiedWhole):
         last = self._state
         side = round(SEARCH / EXEMPLAR * last.context_side)
         zoom = SEARCH / side
-        crop = view.crop(last.centre_xy, side, SEARCH, self._fill)
+        crop = view.crop(last.center_xy, side, SEARCH, self._fill)
         scores, qualities, distances, mask_logits = self._networks.search(
             crop_tensor(crop), self._kernel
         )
@@ -147,7 +147,7 @@ class LiteTracker(CopiedWhole):
         boxes = self._boxes(distances)
         boxes[:2] += self._off(last, side)[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        taken = self._rivals.taken(boxes[:2].T / zoom + last.centre_xy, score, last)
+        taken = self._rivals.taken(boxes[:2].T / zoom + last.center_xy, score, last)
         best, penalty = choose(
             boxes, np.where(taken, -1.0, score), size, self._window, self._parameters
         )
@@ -180,7 +180,7 @@ class LiteTracker(CopiedWhole):
     @staticmethod
     def _off(last: TargetState, side: int) -> Floats:
         """How far (2,) the middle of the search crop lies from the last centre, view's pixels."""
-        return crop_corner(last.centre_xy, side) + side / 2 - last.centre_xy
+        return crop_corner(last.center_xy, side) + side / 2 - last.center_xy
 
     def _boxes(self, distances: Tensor) -> Floats:
         """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
@@ -197,6 +197,6 @@ class LiteTracker(CopiedWhole):
         # A steadied view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
         least = math.log(self._mask_threshold / (1 - self._mask_threshold))
-        mask = pasted(logits - least, last.centre_xy, side, found.box, view.size_wh, margin)
+        mask = pasted(logits - least, last.center_xy, side, found.box, view.size_wh, margin)
         corners = turned_box(mask, found.box)
         return replace(found, mask=mask.inside(view.size_wh), corners=corners)

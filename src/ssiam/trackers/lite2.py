@@ -143,16 +143,16 @@ class Lite2Tracker:
         last = self._state
         side = round(SEARCH / EXEMPLAR * last.context_side)
         zoom = SEARCH / side
-        crop = view.crop(last.centre_xy, side, SEARCH, self._fill)
+        crop = view.crop(last.center_xy, side, SEARCH, self._fill)
         scores, qualities, distances = self._networks.responses(
             crop_tensor(crop), self._kernels, self._recent
         )
         score = sigmoid(scores) * sigmoid(qualities)
         boxes = self._boxes(distances)
-        corner = crop_corner(last.centre_xy, side)
-        boxes[:2] += (corner + side / 2 - last.centre_xy)[:, None] * zoom
+        corner = crop_corner(last.center_xy, side)
+        boxes[:2] += (corner + side / 2 - last.center_xy)[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        taken = self._rivals.taken(boxes[:2].T / zoom + last.centre_xy, score, last)
+        taken = self._rivals.taken(boxes[:2].T / zoom + last.center_xy, score, last)
         best, penalty = choose(
             boxes, np.where(taken, -1.0, score), size, self._window, self._parameters
         )
@@ -178,7 +178,7 @@ class Lite2Tracker:
     def _template(self, view: FrameView) -> list[Tensor]:
         """Kernels and context of the target as it is now."""
         side = round(self._state.context_side)
-        crop = view.crop(self._state.centre_xy, side, EXEMPLAR, self._fill)
+        crop = view.crop(self._state.center_xy, side, EXEMPLAR, self._fill)
         return self._networks.template(crop_tensor(crop))
 
     def _forget(self) -> None:

@@ -24,9 +24,9 @@ _FILLED: Final = 0.25  # of a small box that its mask must cover more than
 _AGREE: Final = 0.8  # overlap from which the mask is believed about the target's turn
 
 
-def crop_corner(centre_xy: tuple[float, float], side: int) -> Floats:
+def crop_corner(center_xy: tuple[float, float], side: int) -> Floats:
     """Left and top edge (2,) of the square that `FrameView.crop` cuts: whole pixels."""
-    return np.floor(np.asarray(centre_xy) - (side + 1) / 2 + 0.5)
+    return np.floor(np.asarray(center_xy) - (side + 1) / 2 + 0.5)
 
 
 class PastedMask(NamedTuple):
@@ -55,7 +55,7 @@ class PastedMask(NamedTuple):
 
 def pasted(
     logits: Tensor,
-    centre_xy: tuple[float, float],
+    center_xy: tuple[float, float],
     crop_side: int,
     xywh: XYWH,
     size_wh: tuple[int, int],
@@ -68,7 +68,7 @@ def pasted(
     logits : (1, 1, 64, 64) float32
         More than 0 on the target. Cell (i, j) covers pixels 4 i to 4 i + 3 and 4 j to 4 j + 3 of
         the crop.
-    centre_xy : (x, y)
+    center_xy : (x, y)
         Centre of the search region, pixels of the picture.
     crop_side : int
         Its side, likewise.
@@ -87,7 +87,7 @@ def pasted(
     probability = (127.5 + 127.5 * np.tanh(logits[0, 0] / 2)).astype(np.uint8)
     zoom = crop_side / _SEARCH  # picture's pixels by the crop's
     scale = _STRIDE * zoom
-    corner = crop_corner(centre_xy, crop_side)
+    corner = crop_corner(center_xy, crop_side)
     crop = corner - np.ceil(scale), corner + np.ceil(crop_side + 2 * scale)
     first, last = _shared(crop, _around(xywh), (np.full(2, -margin), np.add(size_wh, margin)))
     width, height = np.maximum(last - first, 1).astype(int).tolist()

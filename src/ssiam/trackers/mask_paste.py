@@ -23,13 +23,13 @@ def probabilities(logits: Tensor) -> Tensor:
 
 
 def mask_square(
-    centre_xy: tuple[float, float], crop_side: int, cell: tuple[int, int], instance: int, base: int
+    center_xy: tuple[float, float], crop_side: int, cell: tuple[int, int], instance: int, base: int
 ) -> XYWH:
     """The square of the picture that the mask of one cell (row, column) covers.
 
     Parameters
     ----------
-    centre_xy : (x, y)
+    center_xy : (x, y)
         Centre of the search region.
     crop_side : int
         Its side, in the same pixels as the result.
@@ -41,7 +41,7 @@ def mask_square(
     """
     scale = crop_side / instance
     row, column = ((index - base // 2) * STRIDE * scale for index in cell)
-    left, top = (c - crop_side / 2 for c in centre_xy)
+    left, top = (c - crop_side / 2 for c in center_xy)
     return left + column, top + row, EXEMPLAR * scale, EXEMPLAR * scale
 
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
@@ -51,7 +51,7 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
 }
 
 
-class NanoTrack(CopiedWhole):
+class NanoTrack(DeepCopied):
     """NanoTrack's loop on any frame view.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -84,7 +84,7 @@ class NanoTrack(CopiedWhole):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state, fill = TargetState.from_xywh(xywh), view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        crop = view.crop(state.center_xy, round(state.context_side), EXEMPLAR, fill)
         (template,) = self._networks.template(crop_tensor(crop))
         size = np.array(state.size_wh) * EXEMPLAR / state.context_side
         self._first_look = look(template, _STRIDE, np.array([0, 0, *size]))
@@ -95,7 +95,7 @@ class NanoTrack(CopiedWhole):
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
         zoom = EXEMPLAR / self._state.context_side
-        crop = view.crop(self._state.centre_xy, round(SEARCH / zoom), SEARCH, self._fill)
+        crop = view.crop(self._state.center_xy, round(SEARCH / zoom), SEARCH, self._fill)
         (features,) = self._networks.search(crop_tensor(crop))
         score_maps, distances = self._networks.head(self._template, features)
         score = foreground(score_maps)

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError, CopyError, TrackingError, one_line
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
@@ -37,7 +37,7 @@ _SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
 _SEEN_MORE: Final = 40.0  # px that are drawn beyond these
 
 
-class OpenCvTracker(CopiedWhole):
+class OpenCvTracker(DeepCopied):
     """One of OpenCV's trackers on the rendered view.
 
     They tell no score, only whether they still have the target, and MIL not even that: the score

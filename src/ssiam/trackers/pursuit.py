@@ -8,7 +8,7 @@ from typing import Final
 
 from ssiam.geometry import XYWH, Image, map_box
 from ssiam.motion import Motion
-from ssiam.stabilize import FrameView, Prediction, StabilizerConfig
+from ssiam.stabilize import FrameView, StabilizerConfig, TargetPredictor
 from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.watch import Watch, Whereabouts
@@ -42,7 +42,7 @@ class Pursuit:
         self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, watch: Watch
     ) -> None:
         self._tracker, self._config = tracker, config
-        self._prediction = Prediction(config, xywh)
+        self._prediction = TargetPredictor(config.predict, xywh)
         self._watch = watch
         self._place = xywh  # where the target was last likely, carried along with the scene
         self._held = xywh  # the same, as it was when the scene was last cut
@@ -90,10 +90,10 @@ class Pursuit:
 
         Nothing is learnt, and the next frame is looked at where the target was.
         """
-        if self._config.find:
+        if self._config.predict.find:
             self._watch.wait()
         box = self._prediction.hold()
-        self._travelled = self._prediction.travelled
+        self._travelled = self._prediction.traveled
         return Track(
             box,
             0.0,
@@ -122,22 +122,22 @@ class Pursuit:
             first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
         self._astray = False
         doubt = self._tracker.doubt
-        if doubt is None or first.score > doubt or not self._config.find:
+        if doubt is None or first.score > doubt or not self._config.predict.find:
             return first
         second = self._seek(view, self._expected)
         self._astray = second.score <= first.score
         return first if self._astray else second
 
-    def _compared(self, view: FrameView, track: Track, travelled: tuple[float, float]) -> Track:
+    def _compared(self, view: FrameView, track: Track, traveled: tuple[float, float]) -> Track:
         """What the tracker sees after a gap, compared with where a moving target would be by now.
 
         If something like the target is in both places nobody knows which is it: the score is 0.
         """
         (x, y, w, h), size = self._expected, math.sqrt(track.box[2] * track.box[3])
-        if not self._watch.lost or math.hypot(*travelled) < _ELSEWHERE * size:
+        if not self._watch.lost or math.hypot(*traveled) < _ELSEWHERE * size:
             self._travelled = None
             return track
-        other = self._seek(view, (x + travelled[0], y + travelled[1], w, h))
+        other = self._seek(view, (x + traveled[0], y + traveled[1], w, h))
         (u, v), (p, q) = track.box[:2], other.box[:2]
         if math.hypot(u - p, v - q) < _ELSEWHERE * size or min(track.score, other.score) < _LIKELY:
             self._astray = track.score >= other.score
@@ -162,7 +162,7 @@ class Pursuit:
 
     def _judge(self, track: Track, guess: XYWH) -> None:
         credible = self._is_credible(track)
-        if self._config.find:
+        if self._config.predict.find:
             self._watch.update(track.score if credible else 0.0)
         if track.score > _LIKELY and not self._watch.lost:
             self._whereabouts.see(track.box)

@@ -69,7 +69,7 @@ class Rivals:
         self._size = math.sqrt(math.prod(last.size_wh))
         self._peaks = self._strongest()
         taken = np.zeros(len(score), dtype=np.bool_)
-        own_off = self._off(places, np.asarray(last.centre_xy))
+        own_off = self._off(places, np.asarray(last.center_xy))
         if self._own < _CLEAR or not (own_off[self._peaks] < _ONE).any():
             return taken
         for rival in self._known:

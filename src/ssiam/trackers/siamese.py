@@ -49,7 +49,7 @@ class SearchParameters:
 class TargetState:
     """Centre and size of the target in steadied pixels."""
 
-    centre_xy: tuple[float, float]
+    center_xy: tuple[float, float]
     size_wh: tuple[float, float]
 
     @classmethod
@@ -61,7 +61,7 @@ class TargetState:
     @property
     def xywh(self) -> XYWH:
         """The box that is reported: w / 2 to the left of the centre, as the references do."""
-        (cx, cy), (w, h) = self.centre_xy, self.size_wh
+        (cx, cy), (w, h) = self.center_xy, self.size_wh
         return cx - w / 2, cy - h / 2, w, h
 
     @property
@@ -143,7 +143,7 @@ def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> Targe
     new_w = state.size_wh[0] * (1 - rate) + w * rate
     new_h = state.size_wh[1] * (1 - rate) + h * rate
     return TargetState(
-        (state.centre_xy[0] + cx, state.centre_xy[1] + cy), (float(new_w), float(new_h))
+        (state.center_xy[0] + cx, state.center_xy[1] + cy), (float(new_w), float(new_h))
     )
 
 
@@ -152,7 +152,7 @@ def kept_inside(
 ) -> TargetState:
     """The state with its centre inside of the frame, and no smaller or larger than may be."""
     w, h = np.clip(state.size_wh, floor_wh, view.size_wh).tolist()
-    return TargetState(_inside(view, state.centre_xy), (w, h))
+    return TargetState(_inside(view, state.center_xy), (w, h))
 
 
 def crop_tensor(crop: Image) -> Tensor:
@@ -177,15 +177,15 @@ def cosine_window(side: int) -> Floats:
     return np.outer(hanning, hanning).ravel()
 
 
-def _inside(view: FrameView, centre_xy: tuple[float, float]) -> tuple[float, float]:
+def _inside(view: FrameView, center_xy: tuple[float, float]) -> tuple[float, float]:
     """The point of the raw frame nearest to a steadied point, in steadied coordinates."""
     limits = view.size_wh
     if view.is_raw:
-        cx, cy = np.clip(centre_xy, 0, limits)
+        cx, cy = np.clip(center_xy, 0, limits)
         return float(cx), float(cy)
-    raw = map_points(view.raw_from_stab, [centre_xy])[0]
+    raw = map_points(view.raw_from_stab, [center_xy])[0]
     if (raw >= 0).all() and (raw <= limits).all():
-        return float(centre_xy[0]), float(centre_xy[1])
+        return float(center_xy[0]), float(center_xy[1])
     cx, cy = map_points(view.stab_from_raw, [np.clip(raw, 0, limits)])[0]
     return float(cx), float(cy)
 

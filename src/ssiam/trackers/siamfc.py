@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -68,7 +68,7 @@ class SiamFcNetworks:
     search: Network
 
 
-class SiamFc(CopiedWhole):
+class SiamFc(DeepCopied):
     """SiamFC's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
@@ -87,7 +87,7 @@ class SiamMaskNetworks(SiamRpnNetworks):
     refine: Network
 
 
-class SiamMask(CopiedWhole):
+class SiamMask(DeepCopied):
     """SiamMask's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -143,7 +143,7 @@ class SiamMask(CopiedWhole):
         windows = refinement_windows(corr, features, found.cell)
         (logits,) = self._networks.refine(*windows)
         instance, base = self._parameters.instance, self._parameters.base
-        square = mask_square(last.centre_xy, found.crop_side, found.cell, instance, base)
+        square = mask_square(last.center_xy, found.crop_side, found.cell, instance, base)
         return paste(probabilities(logits), square, size_wh, margin)
 
     def _corners(self, mask: Mask, margin: int, unkept: TargetState) -> Points:

@@ -11,11 +11,11 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.copying import CopiedWhole
+from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
-from ssiam.stabilize.view import Colour
+from ssiam.stabilize.view import Color
 from ssiam.track import Track
 from ssiam.trackers.anchors import ANCHORS, anchor_boxes, cell_of, decode, response_side
 from ssiam.trackers.crops import Crop, pysot_crop, siammask_crop
@@ -130,8 +130,8 @@ class AnchorSearch:
     def start(self, view: FrameView, xywh: XYWH) -> TargetState:
         """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
         state = self._state(xywh)
-        fill: Colour = view.raw.mean(axis=(0, 1))
-        crop = self._crop(view, state.centre_xy, round(state.context_side), EXEMPLAR, fill)
+        fill: Color = view.raw.mean(axis=(0, 1))
+        crop = self._crop(view, state.center_xy, round(state.context_side), EXEMPLAR, fill)
         self._kernels, self._fill = self._networks.template(crop_tensor(crop)), fill
         return state
 
@@ -140,7 +140,7 @@ class AnchorSearch:
         parameters = self._parameters
         zoom = EXEMPLAR / state.context_side
         side = round(parameters.instance / zoom)
-        crop = self._crop(view, state.centre_xy, side, parameters.instance, self._fill)
+        crop = self._crop(view, state.center_xy, side, parameters.instance, self._fill)
         scores, distances, *more = self._networks.search(crop_tensor(crop), *self._kernels)
         score = foreground(scores)
         boxes = decode(distances, self._anchors)
@@ -157,7 +157,7 @@ class AnchorSearch:
         return state_at(xywh)
 
 
-class SiamRpn(CopiedWhole):
+class SiamRpn(DeepCopied):
     """SiamRPN's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.

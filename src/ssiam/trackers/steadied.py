@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
-from ssiam.copying import NotPickled
+from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, CopyError
-from ssiam.geometry import XYWH, Image, check_box, check_frame, shortened
-from ssiam.motion import CameraMotion, Motion, MotionAhead
-from ssiam.motion.motion import known_motion
+from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr
+from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
+from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
@@ -26,7 +26,7 @@ from ssiam.trackers.watch import Watch
 _FLAT: Final = 0.1
 
 
-class SteadiedTracker(NotPickled):
+class SteadiedTracker(NotPicklable):
     """A tracker that works on the steadied view of each frame and answers in raw pixels.
 
     Threads: one thread at a time for each object; several, also of one load, may run at once. The
@@ -43,11 +43,11 @@ class SteadiedTracker(NotPickled):
     config : StabilizerConfig
     """
 
-    _instead = "load one in each process with ssiam.load_tracker"
+    _copy_hint = "load one in each process with ssiam.load_tracker"
 
     def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
         if not isinstance(config, StabilizerConfig):
-            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+            raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         self._tracker = tracker
         self._config = config
         self._box: XYWH | None = None
@@ -62,7 +62,7 @@ class SteadiedTracker(NotPickled):
         """Whether `init` has given it a target."""
         return self._box is not None
 
-    def camera(self) -> MotionAhead | None:
+    def camera(self) -> PrefetchingCameraMotion | None:
         """A fresh motion estimator of this tracker's settings, None with stabilize="off"."""
         return _camera(self._config)
 
@@ -111,7 +111,7 @@ class SteadiedTracker(NotPickled):
             The frame's size is not that of the first one.
         """
         if not isinstance(config, StabilizerConfig):
-            raise ArgumentError(f"config is {shortened(config)}: give a StabilizerConfig")
+            raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         check_frame(frame, None if self._box is None else self._size_wh)
         if self._box is None:
             self._config = config
@@ -155,7 +155,7 @@ class SteadiedTracker(NotPickled):
         check_frame(frame, self._size_wh)
         # One of another size is refused in its turn.
         ahead = following is not None and check_frame(following) == self._size_wh
-        known = None if motion is None else known_motion(motion, self._size_wh)
+        known = None if motion is None else as_motion(motion, self._size_wh)
         if self._camera is not None:
             known = self._camera.update(frame, self._box, known)
         expected = self.expect(known)
@@ -200,7 +200,7 @@ class SteadiedTracker(NotPickled):
 
     def _started(
         self, config: StabilizerConfig, frame: Image, xywh: XYWH, watch: Watch
-    ) -> tuple[Pursuit | Steadying, MotionAhead | None]:
+    ) -> tuple[Pursuit | Steadying, PrefetchingCameraMotion | None]:
         """What follows the target in `xywh` of `frame`, and a camera that has seen the frame."""
         make = Pursuit if config.stabilize == "predict" else Steadying
         follower, camera = make(self._tracker, config, xywh, watch), _camera(config)
@@ -209,10 +209,10 @@ class SteadiedTracker(NotPickled):
         return follower, camera
 
 
-def _camera(config: StabilizerConfig) -> MotionAhead | None:
+def _camera(config: StabilizerConfig) -> PrefetchingCameraMotion | None:
     if config.stabilize == "off":
         return None
-    return MotionAhead(CameraMotion(config.keypoints, config.fit, model="rigid"))
+    return PrefetchingCameraMotion(CameraMotion(config.keypoints, config.fit, model="rigid"))
 
 
 def _unsteadied(frame: Image, config: StabilizerConfig) -> FrameView:

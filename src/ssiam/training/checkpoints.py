@@ -17,7 +17,7 @@ from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
-from ssiam.outputs import NamedPath, check_apart, output_error, replaced
+from ssiam.outputs import NamedPath, atomic_write, check_distinct, output_error
 from ssiam.runtime.files import sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, move_export
 from ssiam.training.config import from_table
@@ -104,7 +104,7 @@ def write_pth(path: Path, content: Any) -> None:
     # PyTorch's error for a full disk does not name the cause; that of a file does.
     data = BytesIO()
     torch.save(content, data)
-    with replaced(path, "wb", hidden=True) as file:
+    with atomic_write(path, "wb", hidden=True) as file:
         file.write(data.getbuffer())
 
 
@@ -172,7 +172,7 @@ def check_run_outputs(
     """
     names = (CHECKPOINT, METRICS, WEIGHTS, *(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
-    check_apart(outputs, [*inputs, *_inputs(settings)])
+    check_distinct(outputs, [*inputs, *_inputs(settings)])
 
 
 def _inputs(settings: TrainSettings) -> Iterable[NamedPath]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
-from ssiam.outputs import output_error, replaced
+from ssiam.outputs import atomic_write, output_error
 
 __all__ = ["METRICS", "Metrics"]
 
@@ -37,7 +37,7 @@ class Metrics:
         path = folder / METRICS
         try:
             kept = _rows_before(path, step)
-            with replaced(path, "w", hidden=True) as file:
+            with atomic_write(path, "w", hidden=True) as file:
                 csv.writer(file).writerows((_COLUMNS, *kept))
             self._file = path.open("a", newline="", encoding="utf-8")
         except OSError as error:

@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 import torch
 
-from ssiam.datasets import Sequence as VideoSequence
-from ssiam.datasets import open_dataset
+from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.evaluation.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.box_mask import BoxMaskNetwork

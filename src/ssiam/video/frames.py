@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from numpy.typing import NDArray
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image
 
@@ -77,7 +77,7 @@ class SourceInfo:
     notes: list[str] = field(default_factory=list)
 
 
-class Source(NotCopied):
+class Source(NotCopyable):
     """Iterator of `Frame`; a context manager that releases the file, camera or connection.
 
     Threads: one thread at a time.

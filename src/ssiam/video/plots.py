@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import MissingExtraError, SinkError
-from ssiam.geometry import frame_centre, rigid_parameters
+from ssiam.geometry import frame_center, rigid_parameters
 from ssiam.motion import Motion
-from ssiam.outputs import ClosedAtExit, check_output, replaced
+from ssiam.outputs import ClosedOnExit, atomic_write, check_output
 from ssiam.stabilize import CameraPath
 from ssiam.track import Track
 
@@ -25,7 +25,7 @@ _AXES = (
 )
 
 
-class PathPlot(NotCopied, ClosedAtExit):
+class PathPlot(NotCopyable, ClosedOnExit):
     """Collects the camera motion while tracking and plots it when closed.
 
     Threads: one thread at a time.
@@ -117,14 +117,14 @@ class PathPlot(NotCopied, ClosedAtExit):
 
     def _save(self, figure: Any) -> None:
         file_format = self._path.suffix.lower()[1:]
-        with replaced(self._path, "wb", overwrite=self._overwrite) as file:
+        with atomic_write(self._path, "wb", overwrite=self._overwrite) as file:
             figure.savefig(file, dpi=130, format=file_format)
 
 
 def _correction(track: Track, motion: Motion) -> tuple[float, ...]:
     """(dx', dy', da') of the correction, and 1.0 if the motion is reliable, else 0.0."""
     assert track.stab_from_raw is not None
-    shift_angle = rigid_parameters(track.stab_from_raw, frame_centre(motion.size_wh))
+    shift_angle = rigid_parameters(track.stab_from_raw, frame_center(motion.size_wh))
     return (*shift_angle, float(motion.reliable))
 
 

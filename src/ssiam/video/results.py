@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
-from ssiam.outputs import ClosedAtExit, Part, check_output
+from ssiam.outputs import ClosedOnExit, PartFile, check_output
 from ssiam.track import Track
 
 COLUMNS = (
@@ -101,7 +101,7 @@ def _layout_name(path: Path, layout: str | None) -> str:
     return layout
 
 
-class ResultSink(NotCopied, ClosedAtExit):
+class ResultSink(NotCopyable, ClosedOnExit):
     """Writes tracks as lines of text; a context manager. Made by `open_results`.
 
     Threads: one thread at a time.
@@ -120,7 +120,7 @@ class ResultSink(NotCopied, ClosedAtExit):
         self._targets = targets
         self._is_first = True
         self._is_empty = True
-        self._files = [_LineFile(Part(path, overwrite=overwrite)) for path in paths]
+        self._files = [_LineFile(PartFile(path, overwrite=overwrite)) for path in paths]
         if layout.header is not None:
             self._files[0].write_line(layout.header)
 
@@ -171,7 +171,7 @@ class ResultSink(NotCopied, ClosedAtExit):
 class _LineFile:
     """An unbuffered file, to which a line is written completely or not at all."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: PartFile) -> None:
         self._part = part
         self._failed = False
         try:

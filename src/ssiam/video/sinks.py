@@ -17,10 +17,10 @@ from av.container import OutputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import FrameSizeError, SinkError
 from ssiam.geometry import Image
-from ssiam.outputs import ClosedAtExit, Part
+from ssiam.outputs import ClosedOnExit, PartFile
 from ssiam.video.sound import Sound, SoundCopy
 
 _log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ _LARGEST_DENOMINATOR = 1001
 _JUMP_STEPS = 10
 
 
-class VideoSink(NotCopied, ClosedAtExit):
+class VideoSink(NotCopyable, ClosedOnExit):
     """Writes frames as H.264 to .mp4, .m4v, .mov, .mkv or .avi; a context manager.
 
     Threads: one thread at a time.
@@ -130,7 +130,7 @@ class VideoSink(NotCopied, ClosedAtExit):
         step = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
         self._clock = _FrameClock(self._rate, whole_frames=self._is_constant, step=step)
         self._last: tuple[int, Image] | None = None
-        self._part = Part(self.path, overwrite=overwrite)
+        self._part = PartFile(self.path, overwrite=overwrite)
         self._container = _create(self._part.file, muxer)
         self._stream: VideoStream | None = None
         self._is_empty = True

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from ssiam.errors import ArgumentError
-from ssiam.outputs import NamedPath, check_apart
+from ssiam.outputs import NamedPath, check_distinct
 from ssiam.video.images import IMAGE_SUFFIXES, image_paths
 from ssiam.video.sources import STDIN, camera_index, is_address
 
@@ -21,7 +21,7 @@ _STANDARD_INPUT = Path("/dev/stdin")  # also when it is redirected from a file
 def check_distinct_from_source(
     outputs: Sequence[NamedPath], source: str, inputs: Iterable[NamedPath] = ()
 ) -> None:
-    """`check_apart` for the files that `open_source` would read, and for other inputs.
+    """`check_distinct` for the files that `open_source` would read, and for other inputs.
 
     A folder counts as its images, a local playlist (.m3u8, .ffconcat) as the files that it lists.
     A new image in a source folder is refused too: the next run would read it as a frame. No video
@@ -34,11 +34,11 @@ def check_distinct_from_source(
     """
     path = _path(source)
     if path is None:
-        check_apart(outputs, inputs)
+        check_distinct(outputs, inputs)
         return
     images = _images(path) if path.is_dir() else []
     files = (path, *images, *_listed(path, {path}))
-    check_apart(outputs, [*(("the source", each) for each in files), *inputs])
+    check_distinct(outputs, [*(("the source", each) for each in files), *inputs])
     for option, output in outputs:
         if images and _would_be_read(output, path):
             raise ArgumentError(

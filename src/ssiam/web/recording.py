@@ -16,6 +16,7 @@ from time import monotonic
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
+from ssiam.outputs import make_folder
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.results import Row
 from ssiam.web.events import Listeners, StepQueue
@@ -62,10 +63,7 @@ class Recordings:
             folder = Path(directory.name)
             self._temporary = directory, RecordingFolder(folder)
             self._temporary[1].lock()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SinkError(f"{folder} cannot be created: {error.strerror or error}") from error
+        make_folder(folder)
         self._folder = folder
         self._lock = threading.Lock()
         self._recorders: dict[str, _Recorder] = {}

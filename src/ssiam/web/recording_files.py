@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
+from ssiam.outputs import atomic_write
 from ssiam.video import open_source
 
 try:
@@ -142,14 +143,8 @@ class RecordingFolder:
     def write_metadata(self, metadata: RecordingMetadata) -> None:
         """Replace recording.json; `SinkError` if it cannot be written."""
         path = self.path / _METADATA
-        draft = path.with_name(f".{_METADATA}.new")
-        try:
-            draft.write_text(metadata.to_json(), encoding="utf-8")
-            draft.replace(path)
-        except OSError as error:
-            with suppress(OSError):
-                draft.unlink()
-            raise SinkError(f"{path}: cannot be written ({error.strerror or error})") from error
+        with atomic_write(path, "w", hidden=True) as file:
+            file.write(metadata.to_json())
 
     def read_metadata(self) -> RecordingMetadata | None:
         """Read recording.json; None if it is missing or damaged."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Literal
 
-from ssiam.copying import NotCopied
+from ssiam.copying import NotCopyable
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
 from ssiam.trackers import SteadiedTracker
@@ -40,7 +40,7 @@ _FRAME_TIMEOUT: Final = 0.02  # seconds to wait for a frame before commands are 
 _CLOSE_TIMEOUT: Final = 5.0  # seconds that `close` waits for the current frame or command
 
 
-class Session(NotCopied):
+class Session(NotCopyable):
     """Tracks on its own thread; clients submit commands and listen to steps. A context manager.
 
     Threads: all methods are safe to call from any thread. Commands are executed on the session's.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import IDENTITY, frame_centre, rigid
+from ssiam.geometry import IDENTITY, frame_center, rigid
 from ssiam.motion import Motion
 from ssiam.track import Track
 from ssiam.video import Frame
@@ -18,7 +18,7 @@ from ssiam.web.types import CommandError, SessionInfo, SessionLimits, Step, Targ
 
 def step(**options):
     frame = Frame(811, 27.03, np.zeros((36, 64, 3), np.uint8))
-    turn = rigid(3, -2, 0.01, frame_centre((64, 36)))
+    turn = rigid(3, -2, 0.01, frame_center((64, 36)))
     values = {
         "number": 812,
         "frame": frame,
@@ -51,7 +51,7 @@ def test_a_step_is_a_header_and_images():
     assert header.pop("motion") == pytest.approx(
         {"dx": 3, "dy": -2, "angle": 0.01, "inliers": 0.8, "reliable": True}
     )
-    turn = rigid(3, -2, 0.01, frame_centre((64, 36)))
+    turn = rigid(3, -2, 0.01, frame_center((64, 36)))
     assert np.allclose(header.pop("stab_from_raw"), turn[:2], atol=1e-7)
     boat, half = header.pop("targets")
     assert boat == {

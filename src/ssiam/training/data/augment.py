@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets import ShakeKind
-from ssiam.datasets.camera_paths import path_of
+from ssiam.datasets.shake.path import sample_path
 from ssiam.geometry import Image, Transform
 from ssiam.training.data.settings import AugmentSettings
 
@@ -165,14 +165,14 @@ def draw_shake(
 ) -> Shake:
     """A random camera shake, evaluated at a point of a frame of (width, height) px.
 
-    The camera paths are those of `ssiam.datasets.camera_paths`, with which trackers are
+    The camera paths are those of `ssiam.datasets.shake.path`, with which trackers are
     evaluated: hand-held, vibration, gusts, white noise.
     """
     kinds, probabilities = zip(*_SHAKE_KINDS, strict=True)
     kind: ShakeKind = kinds[rng.choice(len(kinds), p=probabilities)]
     strength = float(np.exp(rng.uniform(*np.log(_SHAKE_STRENGTHS))))
     exposure = rng.uniform(*_EXPOSURES)
-    path = path_of(kind, strength, int(rng.integers(1 << 31)), 2, size_wh, "")
+    path = sample_path(kind, strength, int(rng.integers(1 << 31)), 2, size_wh, "")
     times = exposure * ((np.arange(_INSTANTS) + 0.5) / _INSTANTS - 0.5)
     points = path.at(times + np.array([[0.0], [1.0]])) @ np.array([*point_xy, 1.0])
     before, now = points[..., :2]

@@ -112,7 +112,7 @@ class CropRegion:
 
 def center_of(xywh: XYWH) -> tuple[float, float]:
     """The center of a box's pixels, (w - 1) / 2 from the first one."""
-    return TargetState.from_xywh(xywh).centre_xy
+    return TargetState.from_xywh(xywh).center_xy
 
 
 def region_around(xywh: XYWH, out: int) -> CropRegion:
@@ -123,7 +123,7 @@ def region_around(xywh: XYWH, out: int) -> CropRegion:
     zoom.
     """
     state = TargetState.from_xywh(xywh)
-    return CropRegion(state.centre_xy, state.context_side * out / TEMPLATE_CROP, out)
+    return CropRegion(state.center_xy, state.context_side * out / TEMPLATE_CROP, out)
 
 
 def excludes(region: CropRegion, xywh: XYWH, margin: float = _CLEARANCE) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from ssiam.datasets import KINDS, DatasetError, open_dataset
-from ssiam.datasets.dataset import told_in_one_line
+from ssiam.datasets.dataset import dataset_errors
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.training.data.copy_paste import CopyPasteSource
 from ssiam.training.data.files import images_by_stem, list_files
@@ -134,7 +134,7 @@ def open_training_source(settings: SourceSettings, root: Path | None = None) -> 
     DatasetError
         The set is missing or damaged, or its name patterns include nothing.
     """
-    with told_in_one_line():
+    with dataset_errors():
         source = _open(settings, root or Path())
     if not len(source):
         raise DatasetError(f"{settings.path}: nothing is included; check only and without")

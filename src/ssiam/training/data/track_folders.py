@@ -24,10 +24,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from ssiam.datasets import DatasetError
-from ssiam.datasets.boxes import located, read_xywh
-from ssiam.datasets.files import images_in, read_text
-from ssiam.datasets.labels import read_flags
-from ssiam.datasets.pairing import check_counts
+from ssiam.datasets.files import check_counts, images_in, read_text
+from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
 from ssiam.geometry import XYWH
 from ssiam.training.data.files import AnnotationErrors, list_files
 from ssiam.training.data.tracks import BoxTrack, NameFilter
@@ -214,7 +212,7 @@ def _video_name(folder: Path, meta: dict[str, Any]) -> str:
 
 def _read_folder(folder: Path, meta: dict[str, Any]) -> _Folder:
     path, paths = folder / _META, images_in(folder)
-    xywh = located(read_xywh(folder / _TRUTH), 0)
+    xywh = to_zero_based(read_xywh(folder / _TRUTH), 0)
     frames, regions = (_list(meta, key, len(paths), path) for key in ("frames", _REGIONS))
     if not all(isinstance(frame, int) for frame in frames):
         raise DatasetError(f"{path}: its frames are not whole numbers")

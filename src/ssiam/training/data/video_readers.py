@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.datasets import Dataset, DatasetError
-from ssiam.datasets import Sequence as VideoSequence
+from ssiam.datasets import Dataset, DatasetError, VideoSequence
 from ssiam.datasets.files import images_in, inside, read_text
 from ssiam.datasets.mot import MotClip, clip_folders, read_clip
 from ssiam.geometry import XYWH

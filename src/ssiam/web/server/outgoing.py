@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from ssiam.errors import SsiamError
-from ssiam.geometry import frame_centre, rigid_parameters
+from ssiam.geometry import frame_center, rigid_parameters
 from ssiam.motion import Motion
 from ssiam.web.server.incoming import METHODS
 from ssiam.web.server.limits import ServerLimits
@@ -134,7 +134,7 @@ def _target(target: Target) -> dict[str, Any]:
 
 
 def _motion(motion: Motion) -> dict[str, Any]:
-    dx, dy, angle = rigid_parameters(motion.cur_from_prev, frame_centre(motion.size_wh))
+    dx, dy, angle = rigid_parameters(motion.cur_from_prev, frame_center(motion.size_wh))
     return {
         "dx": _rounded(dx),
         "dy": _rounded(dy),

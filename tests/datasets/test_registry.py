@@ -1,4 +1,4 @@
-"""`open_dataset`: recognising, laziness, links, and what it cannot open."""
+"""`open_dataset`: recognition of layouts, lazy reading, links, and errors."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import os
 
 import pytest
 
-from helpers.dataset_refusals import answer
+from helpers.dataset_errors import error_line
 from helpers.datasets_on_disk import boxes, text, write_got10k, write_images, write_lasot, write_vot
 from ssiam.datasets import KINDS, DatasetError, UnknownSequenceError, open_dataset
 from ssiam.errors import ArgumentError
 
 
-def test_kinds_are_those_that_can_be_asked_for(tmp_path):
+def test_only_the_kinds_are_accepted(tmp_path):
     assert set(KINDS) == {
         "vot", "pysot", "otb", "uav123", "dtb70", "got10k", "lasot", "mot", "clip", "folder",
     }  # fmt: skip
@@ -21,12 +21,12 @@ def test_kinds_are_those_that_can_be_asked_for(tmp_path):
         if kind in ("vot", "folder", "clip"):
             assert list(open_dataset(tmp_path, kind).sequences) == ["ants1"]
         else:
-            assert "expected " in answer(tmp_path, kind)
+            assert "expected " in error_line(tmp_path, kind)
     with pytest.raises(ArgumentError, match="unknown kind of dataset 'vto': choose from"):
         open_dataset(tmp_path, "vto")
 
 
-def test_nothing_is_read_before_it_is_asked_for(tmp_path):
+def test_a_sequence_is_read_at_lookup(tmp_path):
     for name in ("airplane-1", "airplane-2"):
         folder = write_lasot(tmp_path, name)
     (folder / "groundtruth.txt").write_text("damaged")
@@ -39,7 +39,7 @@ def test_nothing_is_read_before_it_is_asked_for(tmp_path):
         dataset.sequences["airplane-2"]
 
 
-def test_unknown_name_suggests_others(tmp_path):
+def test_an_unknown_name_gives_suggestions(tmp_path):
     write_vot(tmp_path, "ants1")
     sequences = open_dataset(tmp_path).sequences
     with pytest.raises(UnknownSequenceError) as caught:
@@ -56,7 +56,7 @@ def test_names_of_datasets(tmp_path, monkeypatch):
     assert open_dataset("ants1").name == "ants1"
 
 
-WRONG_PATHS = [
+INVALID_PATHS = [
     ("missing", "nowhere", "there is no such folder or file"),
     ("other file", "notes.md", "is a file; expected"),
     ("too long", "x" * 5000, "cannot be read"),
@@ -65,29 +65,34 @@ WRONG_PATHS = [
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [r[1:] for r in WRONG_PATHS], ids=[r[0] for r in WRONG_PATHS]
+    ("name", "message"), [r[1:] for r in INVALID_PATHS], ids=[r[0] for r in INVALID_PATHS]
 )
-def test_wrong_path(tmp_path, name, message):
+def test_an_invalid_path_is_an_error(tmp_path, name, message):
     (tmp_path / "notes.md").write_text("x")
-    assert message in answer(os.path.join(tmp_path, name))
+    assert message in error_line(os.path.join(tmp_path, name))
 
 
 SPLITS = [
     ("vot has none", lambda root: write_vot(root, "a"), "test", "vot has none"),
     ("unknown", lambda root: write_lasot(root, "cat-1"), "val", "choose from train, test"),
-    ("not here", lambda root: write_got10k(root, "val", 1), "train", "no sequence of the split"),
+    (
+        "missing split",
+        lambda root: write_got10k(root, "val", 1),
+        "train",
+        "has no sequence of the split",
+    ),
 ]
 
 
 @pytest.mark.parametrize(
     ("write", "split", "message"), [r[1:] for r in SPLITS], ids=[r[0] for r in SPLITS]
 )
-def test_wrong_split(tmp_path, write, split, message):
+def test_an_invalid_split_is_an_error(tmp_path, write, split, message):
     write(tmp_path)
-    assert message in answer(tmp_path, split=split)
+    assert message in error_line(tmp_path, split=split)
 
 
-def test_loops_of_links_are_passed_over(tmp_path):
+def test_loops_of_links_are_skipped(tmp_path):
     write_vot(tmp_path, "ants1")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     (tmp_path / "up").symlink_to(tmp_path, target_is_directory=True)
@@ -97,30 +102,30 @@ def test_loops_of_links_are_passed_over(tmp_path):
     assert len(dataset.sequences["ants1"]) == 3
     (tmp_path / "ants1" / "groundtruth.txt").unlink()
     (tmp_path / "ants1" / "groundtruth.txt").symlink_to("groundtruth.txt")
-    assert "expected" in answer(tmp_path)
-    assert "there is no such" in answer(tmp_path / "loop")
+    assert "expected" in error_line(tmp_path)
+    assert "there is no such" in error_line(tmp_path / "loop")
 
 
-def test_folder_that_goes_away_while_it_is_open(tmp_path):
+def test_a_folder_removed_after_opening_is_an_error(tmp_path):
     folder = write_vot(tmp_path, "ants1")
     dataset = open_dataset(tmp_path)
     for path in folder.iterdir():
         path.unlink()
     folder.rmdir()
-    with pytest.raises(DatasetError, match="holds no images"):
+    with pytest.raises(DatasetError, match="has no images"):
         dataset.sequences["ants1"]
 
 
-def test_linked_sequences_open(tmp_path):
+def test_linked_sequences_are_opened(tmp_path):
     write_vot(tmp_path / "elsewhere", "ants1")
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "linked").symlink_to(tmp_path / "elsewhere" / "ants1")
     assert len(open_dataset(tmp_path / "here").sequences["linked"]) == 3
 
 
-def test_box_file_that_is_a_pipe_does_not_wait(tmp_path):
+def test_a_pipe_as_box_file_does_not_block(tmp_path):
     write_images(tmp_path / "mine", range(1, 4), 3)
     os.mkfifo(tmp_path / "mine" / "groundtruth.txt")
-    assert "expected" in answer(tmp_path)
+    assert "expected" in error_line(tmp_path)
     (tmp_path / "mine.txt").write_text(text(boxes(3)))
     assert list(open_dataset(tmp_path).sequences) == ["mine"]

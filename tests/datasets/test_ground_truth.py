@@ -1,4 +1,4 @@
-"""Ground truth files: what is read, and what is refused."""
+"""Ground truth files: valid and damaged content."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from hypothesis import strategies as st
 
 from ssiam.datasets import DatasetError, parse_boxes, read_boxes
 
-_PIXELS = st.floats(-1e6, 1e6, allow_nan=False)
+_COORDINATES = st.floats(-1e6, 1e6, allow_nan=False)
 _SEPARATORS = st.sampled_from([",", "\t", " ", ", ", " , ", ",\t"])
 
 
 @given(
     rows=st.sampled_from([4, 8]).flatmap(
-        lambda n: st.lists(st.tuples(*[_PIXELS] * n), min_size=1, max_size=20)
+        lambda n: st.lists(st.tuples(*[_COORDINATES] * n), min_size=1, max_size=20)
     ),
     separator=_SEPARATORS,
     newline=st.sampled_from(["\n", "\r\n", "\n\n"]),
 )
-def test_round_trip(rows, separator, newline):
+def test_written_boxes_are_read_back(rows, separator, newline):
     written = newline.join(separator.join(map(repr, row)) for row in rows)
     assert np.array_equal(parse_boxes(written, Path("t.txt")), np.array(rows))
 
 
-READ = [
+VALID = [
     ("tabs with one line of spaces", "1\t2\t3\t4\n5 6 7 8\n", [[1, 2, 3, 4], [5, 6, 7, 8]]),
     ("trailing comma and spaces", " 1,2,3,4, \n", [[1, 2, 3, 4]]),
     ("unknown frame", "1,2,3,4\nNaN,NaN,NaN,NaN\n", [[1, 2, 3, 4], [np.nan] * 4]),
@@ -41,30 +41,30 @@ READ = [
 ]
 
 
-@pytest.mark.parametrize(("content", "expected"), [r[1:] for r in READ], ids=[r[0] for r in READ])
-def test_published_forms(tmp_path, content, expected):
+@pytest.mark.parametrize(("content", "expected"), [r[1:] for r in VALID], ids=[r[0] for r in VALID])
+def test_published_formats_are_read(tmp_path, content, expected):
     path = tmp_path / "groundtruth.txt"
     path.write_text(content, encoding="utf-8")
     assert np.array_equal(read_boxes(path), np.array(expected, float), equal_nan=True)
 
 
-REFUSED = [
-    ("empty", "", "holds no box"),
-    ("only blank lines", "\n \n\t\n", "holds no box"),
+DAMAGED = [
+    ("empty", "", "has no boxes"),
+    ("only blank lines", "\n \n\t\n", "has no boxes"),
     ("words", "1,2,3,4\nleft,top,w,h\n", "line 2 is 'left,top,w,h', not 4 or 8 numbers"),
     ("three numbers", "1,2,3\n", "line 1 is '1,2,3'"),
-    ("hole", "1,,3,4\n", "line 1"),
+    ("missing number", "1,,3,4\n", "line 1"),
     ("infinity", "1,2,3,1e999\n", "line 1"),
     ("very long line", "9" * 100_000, "not 4 or 8 numbers"),
-    ("no text", "\x00\xff\x01", "line 1"),
-    ("hypertext", "<html>not found</html>", "line 1 is '<html>"),
+    ("binary", "\x00\xff\x01", "line 1"),
+    ("HTML", "<html>not found</html>", "line 1 is '<html>"),
 ]
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED]
+    ("content", "message"), [r[1:] for r in DAMAGED], ids=[r[0] for r in DAMAGED]
 )
-def test_damage_is_one_line_that_names_the_file(tmp_path, content, message):
+def test_damage_is_an_error_of_one_line_with_the_file(tmp_path, content, message):
     path = tmp_path / "groundtruth.txt"
     path.write_text(content, encoding="latin-1")
     with pytest.raises(DatasetError) as caught:
@@ -77,12 +77,12 @@ def test_damage_is_one_line_that_names_the_file(tmp_path, content, message):
 
 
 @given(st.text(max_size=200))
-def test_any_text_is_boxes_or_a_dataset_error(content):
+def test_any_text_gives_boxes_or_a_dataset_error(content):
     with suppress(DatasetError):
         assert parse_boxes(content, Path("t.txt")).shape[1] in (4, 8)
 
 
-def test_a_file_without_end_is_refused_before_it_is_read(tmp_path):
+def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "groundtruth.txt"
     with path.open("wb") as file:
         file.truncate(1 << 30)
@@ -90,6 +90,6 @@ def test_a_file_without_end_is_refused_before_it_is_read(tmp_path):
         read_boxes(path)
 
 
-def test_a_folder_is_no_box_file(tmp_path):
+def test_a_folder_is_not_a_box_file(tmp_path):
     with pytest.raises(DatasetError, match="no such file"):
         read_boxes(tmp_path)

@@ -1,4 +1,4 @@
-"""`shaken`: any sequence as a shaking camera sees it, its truth included."""
+"""`shaken`: any sequence as a shaking camera would record it, with its ground truth."""
 
 from __future__ import annotations
 
@@ -10,33 +10,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Dataset, LazySequences
-from ssiam.datasets.exposure import ShakingCamera
-from ssiam.datasets.sequence import Sequence
-from ssiam.datasets.shake import Shake, shaking_camera
+from ssiam.datasets.sequence import VideoSequence
+from ssiam.datasets.shake.camera import Shake, ShakingCamera, shaking_camera
 from ssiam.errors import FrameSizeError, SourceError
 from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ShakenSequence(Sequence):
-    """A sequence as a shaking camera sees it: `frames` are the raw ones, `images` the shaken.
+class ShakenSequence(VideoSequence):
+    """A sequence recorded by a shaking camera: `frames` are raw, `images` are shaken.
 
     Threads: a value; any number of threads may share it.
 
     Attributes
     ----------
     truth : (N, 4) or (N, 8) float64
-        Where the target is in the shaken pictures; nan too where it has left them.
-    raw : Sequence
-        With the size of its frames.
+        Ground truth in the shaken frames; nan also where the target has left them.
+    raw : VideoSequence
+        The raw sequence; its `size_wh` is set.
     shake : Shake
     camera : ShakingCamera
     shaken_from_raw : (N, 3, 3) float64
-        Raw-frame pixels to those of the shaken picture: the mean over the exposure, in the middle
-        of the picture if its rows are read in turn.
+        Raw-frame pixels to pixels of the shaken frame: the mean over the exposure, and for a
+        rolling shutter the pose of the middle row.
     """
 
-    raw: Sequence
+    raw: VideoSequence
     shake: Shake
     camera: ShakingCamera
     shaken_from_raw: Transform
@@ -47,9 +46,9 @@ class ShakenSequence(Sequence):
         Raises
         ------
         SourceError, StreamError
-            As `Sequence.images`.
+            As `VideoSequence.images`.
         FrameSizeError
-            A frame has another size than the first one, or than the dataset tells.
+            A frame has another size than the first one, or than the dataset says.
         """
         if self.shake.strength == 0:
             yield from self.raw.images(start)
@@ -61,33 +60,33 @@ class ShakenSequence(Sequence):
                     f"sequence {self.name}: frame {index} is {image.shape[1]}x{image.shape[0]}, "
                     f"not {width}x{height} pixels; shaking needs one size"
                 )
-            yield self.camera.picture(image, index)
+            yield self.camera.render(image, index)
 
 
-def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
-    """The sequence as a camera would have seen it that shakes like this beside its own motion.
+def shaken(sequence: VideoSequence, shake: Shake) -> ShakenSequence:
+    """The sequence with camera shake added to the camera's own motion.
 
-    Reads the first image if the sequence does not tell the size of its frames. A strength of 0
-    leaves frames and truth as they are, bit for bit.
+    Reads the first image if the sequence does not have the size of its frames. With a strength of
+    0 frames and ground truth are the raw ones, bit for bit.
 
     Raises
     ------
     ArgumentError
-        Cropping leaves nothing of the picture.
+        Nothing of the frame is left after cropping.
     SourceError, StreamError
-        The first image is needed and cannot be read.
+        The first image cannot be read.
     """
     size_wh = sequence.size_wh or _first_size(sequence)
     camera = shaking_camera(shake, len(sequence), size_wh, sequence.name)
     return ShakenSequence(
         name=sequence.name,
         frames=sequence.frames,
-        truth=_seen(sequence.truth, camera) if shake.strength else sequence.truth,
+        truth=_mapped(sequence.truth, camera) if shake.strength else sequence.truth,
         tags=sequence.tags,
         first=sequence.first,
         size_wh=camera.size_wh,
         count=sequence.count,
-        others=_seen_others(sequence, camera) if shake.strength else sequence.others,
+        others=_mapped_others(sequence, camera) if shake.strength else sequence.others,
         raw=replace(sequence, size_wh=size_wh),
         shake=shake,
         camera=camera,
@@ -96,41 +95,43 @@ def shaken(sequence: Sequence, shake: Shake) -> ShakenSequence:
 
 
 def shaken_dataset(dataset: Dataset, shake: Shake) -> Dataset:
-    """The dataset with every sequence `shaken` when it is looked up."""
+    """The dataset with every sequence `shaken` at lookup."""
 
-    def read(name: str) -> Sequence:
+    def read(name: str) -> VideoSequence:
         return shaken(dataset.sequences[name], shake)
 
     readers = {name: partial(read, name) for name in dataset.sequences}
     return replace(dataset, sequences=LazySequences(readers))
 
 
-def _first_size(sequence: Sequence) -> tuple[int, int]:
+def _first_size(sequence: VideoSequence) -> tuple[int, int]:
     for image in sequence.images():
         return image.shape[1], image.shape[0]
     raise SourceError(f"sequence {sequence.name}: has no frames")
 
 
-def _seen_others(sequence: Sequence, camera: ShakingCamera) -> dict[str, NDArray[np.float64]]:
-    return {name: _seen(boxes, camera) for name, boxes in sequence.others.items()}
+def _mapped_others(
+    sequence: VideoSequence, camera: ShakingCamera
+) -> dict[str, NDArray[np.float64]]:
+    return {name: _mapped(boxes, camera) for name, boxes in sequence.others.items()}
 
 
-def _seen(truth: NDArray[np.float64], camera: ShakingCamera) -> NDArray[np.float64]:
-    """Boxes (N, 4) or polygons (N, 8) of the raw frames where the camera sees them."""
+def _mapped(truth: NDArray[np.float64], camera: ShakingCamera) -> NDArray[np.float64]:
+    """Boxes (N, 4) or polygons (N, 8) of the raw frames in the frames of the camera."""
     found = np.full_like(truth, np.nan)
     known = np.flatnonzero(np.isfinite(truth).all(axis=1))
     rows = truth[known]
     if truth.shape[1] == 4:
-        poses = camera.poses_seeing(rows[:, :2] + rows[:, 2:] / 2, known.astype(np.float64))
+        poses = camera.row_poses(rows[:, :2] + rows[:, 2:] / 2, known.astype(np.float64))
         for index, pose in zip(known, poses, strict=True):
             found[index] = map_box(pose, truth[index])
     else:
         corners = rows.reshape(-1, 2)
-        poses = camera.poses_seeing(corners, np.repeat(known, 4).astype(np.float64))
+        poses = camera.row_poses(corners, np.repeat(known, 4).astype(np.float64))
         mapped = (poses[:, :2, :2] @ corners[:, :, None])[:, :, 0] + poses[:, :2, 2]
         found[known] = mapped.reshape(-1, 8)
-    gone = [index for index in known if _outside(found[index], camera.size_wh)]
-    found[gone] = np.nan
+    outside = [index for index in known if _outside(found[index], camera.size_wh)]
+    found[outside] = np.nan
     return found
 
 

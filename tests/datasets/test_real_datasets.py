@@ -1,4 +1,4 @@
-"""The developers' sequences and ground truth, where they are at hand."""
+"""Real sequences and ground truth, if the shared data is available."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_sequences(shared):
     assert dataset.sequences["bag_vot2015"].truth.shape == (196, 8)
 
 
-def test_images_are_of_one_size_and_hold_the_first_box(shared):
+def test_the_first_box_is_inside_of_the_image(shared):
     dataset = open_dataset(shared("data/sequences"))
     for sequence in dataset.sequences.values():
         image = next(sequence.images())
@@ -42,7 +42,7 @@ def test_images_are_of_one_size_and_hold_the_first_box(shared):
         assert 0 <= y < y + h <= height + 1
 
 
-def test_one_sequence_is_a_dataset(shared):
+def test_a_single_sequence_is_a_dataset(shared):
     dataset = open_dataset(shared("data/sequences/David"), as_published=True)
     assert (dataset.name, dataset.kind, list(dataset.sequences)) == ("David", "otb", ["David"])
     assert dataset.sequences["David"].box(0) == (129, 80, 64, 78)

@@ -6,47 +6,47 @@ import pytest
 from helpers.synthetic import generator, poses, seen, world
 from ssiam import CameraMotion, FrameSizeError
 from ssiam.geometry import rigid
-from ssiam.motion import MotionAhead
+from ssiam.motion import PrefetchingCameraMotion
 
 SIZE = (320, 240)
 BOX = (100.0, 80.0, 40.0, 40.0)
 
 
 def shaken(count=8):
-    picture = world(size_wh=SIZE)
+    scene = world(size_wh=SIZE)
     path = poses(generator(3).normal(0, (6, 6, 0.01), (count, 3)), SIZE)
-    return [seen(picture, pose) for pose in path]
+    return [seen(scene, pose) for pose in path]
 
 
-def ahead(keypoints="direct"):
-    return MotionAhead(CameraMotion(keypoints))
+def prefetching(keypoints="direct"):
+    return PrefetchingCameraMotion(CameraMotion(keypoints))
 
 
 @pytest.mark.parametrize("keypoints", ["direct", "orb"])
-@pytest.mark.parametrize("announced", [range(8), range(0, 8, 2), [], [1], [7]])
-def test_motions_are_those_of_the_camera_alone(keypoints, announced):
-    alone, other = CameraMotion(keypoints), ahead(keypoints)
+@pytest.mark.parametrize("started", [range(8), range(0, 8, 2), [], [1], [7]])
+def test_motions_equal_those_of_the_camera_alone(keypoints, started):
+    alone, camera = CameraMotion(keypoints), prefetching(keypoints)
     for number, frame in enumerate(shaken()):
         box = tuple(np.add(BOX, (3 * number, 0, 0, 0)))
-        if number in announced:
-            other.start(frame, exclude=box)
+        if number in started:
+            camera.start(frame, exclude=box)
         expected = alone.update(frame, exclude=box)
-        found = other.update(frame, exclude=box)
+        found = camera.update(frame, exclude=box)
         np.testing.assert_array_equal(found.cur_from_prev, expected.cur_from_prev)
         assert (found.reliable, found.inliers) == (expected.reliable, expected.inliers)
         assert found.size_wh == SIZE
 
 
-def test_a_motion_from_outside_is_taken():
-    camera = ahead()
+def test_a_given_motion_is_returned():
+    camera = prefetching()
     first, second, *_ = shaken()
     camera.update(first)
     given = rigid(5, 4, 0.1)
     np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
 
 
-def test_a_motion_from_outside_is_taken_for_a_frame_that_was_begun():
-    camera = ahead()
+def test_a_given_motion_is_returned_for_a_started_frame():
+    camera = prefetching()
     first, second, *_ = shaken()
     camera.update(first)
     camera.start(second)
@@ -54,9 +54,9 @@ def test_a_motion_from_outside_is_taken_for_a_frame_that_was_begun():
     np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
 
 
-def test_another_frame_than_announced_is_refused():
+def test_another_frame_than_the_started_one_is_refused():
     first, second, *_ = shaken()
-    camera = ahead()
+    camera = prefetching()
     camera.update(first)
     camera.start(second)
     with pytest.raises(ValueError, match="not the frame that was announced"):
@@ -64,37 +64,37 @@ def test_another_frame_than_announced_is_refused():
 
 
 class SlowCamera(CameraMotion):
-    """Takes its time, and notes whether two frames were ever worked on at once."""
+    """Is slow, and records whether two frames were processed at the same time."""
 
     def __init__(self):
         super().__init__()
-        self.busy, self.disturbed = False, False
+        self.busy, self.overlapped = False, False
 
     def update(self, *arguments):
-        self.disturbed |= self.busy
+        self.overlapped |= self.busy
         self.busy = True
         time.sleep(0.1)
         self.busy = False
         return super().update(*arguments)
 
 
-def test_after_a_refusal_two_frames_are_not_worked_on_at_once():
+def test_after_a_refusal_frames_are_processed_one_by_one():
     first, second, third, *_ = shaken()
     slow = SlowCamera()
-    camera = MotionAhead(slow)
+    camera = PrefetchingCameraMotion(slow)
     camera.update(first)
     camera.start(second)
     with pytest.raises(ValueError, match="announced"):
         camera.update(third)
-    camera.update(second)  # it still waits for that one
+    camera.update(second)  # the started frame is still expected
     camera.update(third)
-    assert not slow.disturbed
+    assert not slow.overlapped
 
 
-def test_a_refused_frame_leaves_the_motion_as_it_was():
-    """What was announced has been estimated: another frame's motion would begin there."""
+def test_a_refused_frame_does_not_change_the_state():
+    """The started frame is already processed: another frame's motion would start there."""
     first, second, third, *_ = shaken()
-    camera, alone = ahead(), CameraMotion()
+    camera, alone = prefetching(), CameraMotion()
     for each in (camera, alone):
         each.update(first)
     camera.start(second)
@@ -113,15 +113,15 @@ def test_a_refused_frame_leaves_the_motion_as_it_was():
     ("frame", "exclude", "error"),
     [
         pytest.param(world(size_wh=(160, 120)), None, FrameSizeError, id="another size"),
-        pytest.param(np.zeros((240, 320)), None, ValueError, id="no picture"),
-        pytest.param(world(size_wh=SIZE), (1, 2, 3), ValueError, id="no box"),
+        pytest.param(np.zeros((240, 320)), None, ValueError, id="not a frame"),
+        pytest.param(world(size_wh=SIZE), (1, 2, 3), ValueError, id="not a box"),
     ],
 )
-def test_errors_of_the_worker_reach_who_asks(frame, exclude, error):
-    camera = ahead()
+def test_errors_of_the_worker_are_raised_by_update(frame, exclude, error):
+    camera = prefetching()
     first, second, *_ = shaken()
     camera.update(first)
     camera.start(frame, exclude)
     with pytest.raises(error):
         camera.update(frame)
-    assert camera.update(second).reliable  # and it goes on
+    assert camera.update(second).reliable  # and the camera is still usable

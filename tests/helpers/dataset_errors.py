@@ -1,4 +1,4 @@
-"""What damaged datasets are answered with."""
+"""Error messages of damaged datasets."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from ssiam.datasets import open_dataset
 from ssiam.errors import SsiamError
 
 
-def answer(path, *args, **kwargs):
-    """The one line that opening and reading everything ends with."""
+def error_line(path, *args, **kwargs):
+    """The message of the error raised by opening a dataset and reading all its sequences."""
     with pytest.raises(SsiamError) as caught:
         dict(open_dataset(path, *args, **kwargs).sequences)
     line = str(caught.value)
