@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_data import SEQUENCES, WEIGHTS, sequences
-from ssiam.evaluation.regions import upright
-from ssiam.evaluation.success import success
+from ssiam.evaluation.measures.regions import upright
+from ssiam.evaluation.measures.success import success
 from ssiam.geometry import XYWH, Image
 from ssiam.runtime import Network, Tensor, load_network
 from ssiam.stabilize import FrameView, Method, StabilizerConfig

@@ -21,7 +21,7 @@ import numpy as np
 import ssiam
 from motion_clips import Clip, corner_distances, drawn_clips, shaken
 from shared_data import WEIGHTS, sequences
-from ssiam.evaluation.success import success
+from ssiam.evaluation.measures.success import success
 from ssiam.motion import KEYPOINTS, KeypointName
 
 LONGEST = 200

@@ -22,7 +22,7 @@ import numpy as np
 from shared_data import SHARED, VIDEOS, WEIGHTS, sequences
 from ssiam import FrameView
 from ssiam.datasets import Sequence
-from ssiam.evaluation.success import mean_success, success
+from ssiam.evaluation.measures.success import mean_success, success
 from ssiam.geometry import iou
 from ssiam.runtime import Network, load_network
 from ssiam.runtime.calibration import calibration_feeds, quantise

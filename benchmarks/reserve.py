@@ -29,7 +29,7 @@ from shake_run import NO_SHAKE, Run
 from shared_data import RESERVE, sequences
 from ssiam.datasets import Shake, shaken
 from ssiam.datasets.camera_paths import SHAKE_KINDS
-from ssiam.evaluation.compare import paired_difference
+from ssiam.evaluation.measures.compare import paired_difference
 from ssiam.stabilize import METHODS
 
 TRACKERS = ("lite", "nanotrack_v3", "fear_xs")

@@ -22,7 +22,7 @@ import numpy as np
 import ssiam
 from ssiam.datasets import Sequence as Clip
 from ssiam.datasets import Shake, open_dataset, shaken
-from ssiam.evaluation.success import success
+from ssiam.evaluation.measures.success import success
 from ssiam.runtime import Running
 from ssiam.stabilize import Method
 from ssiam.trackers.lite import SHIPPED, LiteNetworks, LiteTracker

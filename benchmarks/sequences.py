@@ -19,7 +19,7 @@ import numpy as np
 
 from shared_data import VIDEOS, WEIGHTS, sequences
 from ssiam.datasets import Sequence
-from ssiam.evaluation.success import success
+from ssiam.evaluation.measures.success import success
 from ssiam.geometry import iou
 
 SEQUENCES = ("Couple", "Jumping", "bag_vot2015", "dtb70_MountainBike6")

@@ -17,12 +17,12 @@ from shake_run import NO_SHAKE, Run
 from shared_data import sequences
 from ssiam.datasets import Sequence, Shake, shaken
 from ssiam.datasets.camera_paths import SHAKE_KINDS
-from ssiam.evaluation.lines import write_lines
-from ssiam.evaluation.overlap import vot_overlap
-from ssiam.evaluation.protocols import run
-from ssiam.evaluation.regions import upright
-from ssiam.evaluation.success import success
-from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.evaluation.measures.overlap import vot_overlap
+from ssiam.evaluation.measures.regions import upright
+from ssiam.evaluation.measures.success import success
+from ssiam.evaluation.measures.trajectory import Status, Trajectory
+from ssiam.evaluation.runs.protocols import run
+from ssiam.evaluation.runs.result_files import write_lines
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import METHODS, StabilizerConfig
 from ssiam.track import Track
@@ -154,7 +154,7 @@ def overlaps(supervised: Trajectory, filmed: Filmed) -> dict[str, float]:
     overlap = vot_overlap(supervised.regions, filmed.truth, (width, height))
     tracked = supervised.status == Status.TRACKED
     known = tracked & np.isfinite(overlap)
-    settled = known & ~supervised.burning_in(BURN_IN)
+    settled = known & ~supervised.burn_in(BURN_IN)
     return {
         "lost": len(supervised.failures),
         "tracked": int(tracked.sum()),

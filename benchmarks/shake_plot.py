@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from shake_report import KINDS, TRUE_MOTION, by, comparable, lost, per_1000
 from shake_run import NO_SHAKE, Run, Runs
-from ssiam.evaluation.canvas import BLUE, COLORS, ORANGE, SMALL, bare, canvas, png
+from ssiam.evaluation.paper.canvas import BLUE, COLORS, ORANGE, SMALL, bare, canvas, png
 
 _COLUMNS: Final = 3
 _WIDTH: Final = 7.7  # inches: 1000 pixels

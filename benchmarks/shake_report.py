@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from shake_run import NO_SHAKE, Run, Runs
 from ssiam.datasets.camera_paths import SHAKE_KINDS
-from ssiam.evaluation.compare import paired_difference
+from ssiam.evaluation.measures.compare import paired_difference
 
 TRUE_MOTION = "predict, true motion"
 MAIN = ("off", "paper", "literal", "predict", TRUE_MOTION)

@@ -23,7 +23,7 @@ from masks import box, truth
 from shake_measure import film, load, measured
 from shake_run import NO_SHAKE, Run
 from ssiam.datasets import Sequence
-from ssiam.evaluation.compare import paired_difference
+from ssiam.evaluation.measures.compare import paired_difference
 
 SETTINGS = ("off", "predict")
 TOLD = 3  # videos with the greatest differences

@@ -4,7 +4,8 @@
 
 Makes an environment with vot-toolkit, or uses the one that is there; draws three short sequences
 with a shaking camera; lets the toolkit evaluate and analyse CSRT alone and on the steadied view
-through `ssiam trax`; and measures the regions that it stored with `ssiam.evaluation.vot_toolkit`.
+through `ssiam trax`; and measures the regions that it stored with
+`ssiam.evaluation.measures.vot_toolkit`.
 Ends with 1 if a measure is further than .001 from the toolkit's.
 """
 
@@ -24,9 +25,9 @@ import cv2
 import numpy as np
 
 from ssiam.datasets import open_dataset
-from ssiam.evaluation import vot_toolkit
-from ssiam.evaluation.eao import Interval
-from ssiam.evaluation.tracked import read_results
+from ssiam.evaluation.measures import vot_toolkit
+from ssiam.evaluation.measures.eao import Interval
+from ssiam.evaluation.runs.result_files import read_results
 from ssiam.geometry import corners_from_xywh, frame_centre, map_points, rigid
 
 PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail on supervised experiments

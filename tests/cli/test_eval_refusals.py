@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.eval_runs import dataset, results, run
-from ssiam.evaluation.layouts import vot_path
+from ssiam.evaluation.runs.result_files import vot_path
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ from ssiam.cli.arguments import check_results_folder, shakes, weights_by_tracker
 from ssiam.cli.scoreboard import Scoreboard
 from ssiam.datasets import ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.evaluation.bench import run_all, tasks
-from ssiam.evaluation.entries import entries
-from ssiam.evaluation.presets import PRESETS, preset
-from ssiam.evaluation.protocols import ProtocolName
+from ssiam.evaluation.paper.presets import PRESETS, preset
+from ssiam.evaluation.runs.bench import run_all, tasks
+from ssiam.evaluation.runs.entries import entries
+from ssiam.evaluation.runs.protocols import ProtocolName
 from ssiam.stabilize import METHODS
 
 _WHAT = Group("What is run", sort_key=1)

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from ssiam.datasets import Shake
 from ssiam.errors import IncompleteError
-from ssiam.evaluation.bench import Done, Task
+from ssiam.evaluation.runs.bench import Task, TaskResult
 
 _FILE_WIDTH = 120  # characters of the table where it does not go to a terminal
 
@@ -28,7 +28,7 @@ class Scoreboard:
 
     def __init__(self, todo: Sequence[Task]) -> None:
         self._total = Counter(_row(task.entry.label, task.shake) for task in todo)
-        self._done: dict[_Row, list[Done]] = {row: [] for row in self._total}
+        self._done: dict[_Row, list[TaskResult]] = {row: [] for row in self._total}
         self._shaken = any(task.shake is not None for task in todo)
         console = Console(file=sys.stderr)
         self._live = Live(console=console, auto_refresh=False, transient=True)
@@ -43,7 +43,7 @@ class Scoreboard:
         if self._shown:
             self._live.stop()
 
-    def add(self, done: Done) -> None:
+    def add(self, done: TaskResult) -> None:
         """A run has ended."""
         self._done[_row(done.label, done.shake)].append(done)
         if self._shown:
@@ -105,7 +105,7 @@ class Scoreboard:
 class _Sums:
     """What a row tells of its runs; those that failed are left out."""
 
-    def __init__(self, done: Sequence[Done]) -> None:
+    def __init__(self, done: Sequence[TaskResult]) -> None:
         good = [run for run in done if not run.failed]
         timed = [run for run in good if run.seconds]
         overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
@@ -118,7 +118,7 @@ class _Sums:
         self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
 
 
-def _described(done: Done) -> str:
+def _described(done: TaskResult) -> str:
     """A run that failed, and why."""
     shake = f", shake {done.shake.label}" if done.shake is not None else ""
     return f"{done.label} on {done.sequence}{shake}: {done.failed}"

@@ -7,8 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ssiam.cli.choice import STEADYING, TrackerChoice
-from ssiam.evaluation.trax_channel import protocol_alone
-from ssiam.evaluation.trax_server import check_trax, serve
+from ssiam.evaluation.vot.trax import check_trax, reserve_stdout, serve
 from ssiam.stabilize import StabilizerConfig
 
 _CHOICE = TrackerChoice()
@@ -26,5 +25,5 @@ def trax(
     `ssiam vot-workspace` writes what the toolkit needs for that.
     """
     check_trax()
-    with protocol_alone():
+    with reserve_stdout():
         serve(choice.load(config))

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from ssiam.cli.arguments import check_results_folder, weights_by_tracker, words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation import parameters
-from ssiam.evaluation.tuning import Search, Tried
+from ssiam.evaluation.tuning import FinishedTrial, Search
 from ssiam.evaluation.tuning import tune as tried_configs
 from ssiam.trackers import TRACKERS
 
@@ -67,7 +67,7 @@ def tune(
     paths = weights_by_tracker(weights or [])
     check_results_folder(out, [dataset], paths.values())
     search = Search(dataset, names, searched, out, paths, seed)
-    best: Tried | None = None
+    best: FinishedTrial | None = None
     for tried in tried_configs(search, trials, jobs):
         best = tried if best is None or tried.cost < best.cost else best
         print(f"trial {tried.number}: {_told(tried)}", flush=True)
@@ -75,12 +75,12 @@ def tune(
         _show(best, search)
 
 
-def _told(tried: Tried) -> str:
+def _told(tried: FinishedTrial) -> str:
     flags = parameters.track_flags(tried.config)
     return f"{tried.lost} lost, overlap {tried.overlap:.4f}, {flags}"
 
 
-def _show(best: Tried, search: Search) -> None:
+def _show(best: FinishedTrial, search: Search) -> None:
     print(f"best: trial {best.number}, {best.lost} lost, overlap {best.overlap:.4f}")
     for name in search.trackers:
         weights = f" --weights {search.weights[name]}" if name in search.weights else ""

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 
 from ssiam.cli.arguments import weights_by_tracker, words
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.evaluation.entries import Entry, entries
-from ssiam.evaluation.trax_server import check_trax
-from ssiam.evaluation.workspace import write_workspace
+from ssiam.evaluation.runs.entries import Entry, entries
+from ssiam.evaluation.vot.trax import check_trax
+from ssiam.evaluation.vot.workspace import write_workspace
 from ssiam.stabilize import METHODS
 
 # The versions that work together; later ones fail on supervised experiments.
