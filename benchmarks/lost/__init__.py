@@ -1,0 +1,1 @@
+"""Detection of lost targets and re-detection."""

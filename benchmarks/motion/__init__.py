@@ -1,0 +1,1 @@
+"""Camera motion against known motion and against other libraries."""

@@ -1,0 +1,90 @@
+"""Memory of SiamRPN++ with ResNet-50 on OpenVINO: a whole process, one target and eight.
+
+    python benchmarks/speed/network_memory.py [--tracker NAME] [--runtime NAME] [--frames N]
+
+Each figure is the greatest resident size of a process of its own that only loads the exported
+network and tracks. The weights, which are random, are exported in another one: on Linux a process
+inherits the greatest size of the one that starts it. The goals: below 900 MB with one target, and
+with eight below 1.3 times that.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import ssiam
+from ssiam.runtime import PUBLISHED
+
+TARGETS = (1, 8)
+SIZE = (640, 360)
+
+
+def track(name: str, weights: Path, runtime: str, targets: int, frames: int) -> None:
+    """Track targets in a picture of noise, and print the process's greatest size, MB."""
+    random = np.random.default_rng(0)
+    picture = random.integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+    group = ssiam.TrackerGroup(
+        ssiam.load_tracker(name, weights=weights, runtime=runtime)  # type: ignore[arg-type]
+    )
+    group.init(picture, [(40.0 + 60 * i, 100.0, 50.0, 60.0) for i in range(targets)])
+    for _ in range(frames):
+        group.update(picture)
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+def exported(name: str, folder: Path) -> Path:
+    """Random weights of the tracker's network, in the form that it is loaded from."""
+    import torch
+
+    from ssiam.networks import build_network
+    from ssiam.runtime.export import export_network
+
+    torch.manual_seed(0)
+    network = PUBLISHED[name].network
+    path = folder / "model.pth"
+    torch.save(build_network(network).state_dict(), path)  # type: ignore[arg-type]
+    export_network(path, folder, name=name, network=network)
+    return folder
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tracker", default="siamrpn_r50_l234_dwxcorr")
+    parser.add_argument("--runtime", default="openvino")
+    parser.add_argument("--frames", type=int, default=5)
+    parser.add_argument("--targets", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--weights", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.targets:
+        track(given.tracker, given.weights, given.runtime, given.targets, given.frames)
+        return
+    print("| tracker | targets | greatest size, MB |\n|---|---|---|")
+    sizes = []
+    with TemporaryDirectory() as folder:
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            weights = pool.submit(exported, given.tracker, Path(folder)).result()
+        for targets in TARGETS:
+            more = ["--targets", str(targets), "--weights", str(weights)]
+            command = [sys.executable, __file__, *sys.argv[1:], *more]
+            environment = {**os.environ, "XDG_CACHE_HOME": folder}
+            done = subprocess.run(
+                command, check=True, capture_output=True, text=True, env=environment
+            )
+            sizes.append(float(done.stdout))
+            print(f"| {given.tracker} | {targets} | {sizes[-1]:.0f} |", flush=True)
+    print(f"\nratio {sizes[-1] / sizes[0]:.2f}")
+
+
+if __name__ == "__main__":
+    main()
