@@ -26,8 +26,8 @@ REFUSED = [
     # name, arguments, words of the message
     ("no results", ("gone", "--dataset", "VOT2018.json"), "gone: there is no such folder"),
     ("an empty folder", ("empty", "--dataset", "VOT2018.json"), "empty: neither it nor a folder"),
-    ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: holds no results"),
-    ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: holds no results"),
+    ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: no results"),
+    ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: no results"),
     ("damaged", ("damaged", "--dataset", "VOT2018.json"), "bag_001.txt, line 2"),
     ("hollow", ("hollow", "--dataset", "VOT2018.json"), "bag_001.txt: is empty"),
     ("no start", ("endless", "--dataset", "VOT2018.json"), "more failures (2) than starts"),

@@ -30,7 +30,9 @@ _UNTOLD: Final = replace(_TOLD, evenness=1.0, tolerance=0.1)
 
 _STRIDE: Final = 2  # px of the fine picture between samples
 _SIDE: Final = 8  # samples along each side of a cell
-_RELIABLE: Final = 0.25  # share of the texture that must be explained (benchmarks/reliability.py)
+_RELIABLE: Final = (
+    0.25  # share of the texture that must be explained (benchmarks/calibration/reliability.py)
+)
 _AGREES: Final = 0.5  # share of a cell's texture that is explained when it agrees
 _TELLING: Final = 8  # cells that must agree
 _SPREAD: Final = 0.3  # units over which they must be spread
