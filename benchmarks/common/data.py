@@ -1,7 +1,7 @@
-"""The optional folder of test data: real sequences with ground truth, clips, weights.
+"""The optional folder of test data: real sequences with ground truth, videos, weights.
 
-Its place is told by the environment variable SSIAM_SHARED; the default is ../shared beside the
-checkout. Nothing in it belongs to this project, and none of it is copied here.
+The environment variable SSIAM_SHARED names the folder; the default is ../shared next to the
+checkout. Its contents are not part of this project.
 """
 
 from __future__ import annotations
@@ -10,18 +10,28 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from ssiam.datasets import Sequence, open_dataset
+from ssiam.datasets import Sequence as VideoSequence
+from ssiam.datasets import open_dataset
 
-SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
+CHECKOUT = Path(__file__).resolve().parents[2]
+EXAMPLES = CHECKOUT / "examples"
+SHARED = Path(os.environ.get("SSIAM_SHARED", CHECKOUT.parent / "shared"))
 SEQUENCES = SHARED / "data" / "sequences"
 WEIGHTS = SHARED / "data" / "weights"
-RESERVE = SHARED / "data" / "reserve"  # reports, and chooses nothing
+RESERVE = SHARED / "data" / "reserve"  # only reported, never used to choose anything
 MOT = SHARED / "data" / "mot"
 VIDEOS = SHARED / "data" / "videos"
 
 
-def sequences(folder: Path = SEQUENCES, *, as_published: bool = False) -> Mapping[str, Sequence]:
-    """The real sequences of a folder by name, 0-based unless `as_published`."""
+def sequences(
+    folder: Path = SEQUENCES, *, as_published: bool = False
+) -> Mapping[str, VideoSequence]:
+    """The real sequences of a folder by name; 0-based boxes unless `as_published`."""
     if not folder.is_dir():
         raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")
     return open_dataset(folder, as_published=as_published).sequences
+
+
+def nanotrack_weights(tracker: str) -> Path:
+    """Folder of the weights of "nanotrack_v1", "nanotrack_v2" or "nanotrack_v3"."""
+    return WEIGHTS / tracker.replace("_", "")

@@ -1,4 +1,4 @@
-"""Any tracker of the benchmarks by its name: ours, and peers that are not part of the package."""
+"""Loading of any tracker in the benchmarks by name: those of the package, and peers."""
 
 from __future__ import annotations
 
@@ -6,30 +6,36 @@ from pathlib import Path
 
 import ssiam
 from benchmarks.common import fear_xs
-from benchmarks.common.data import WEIGHTS
-from ssiam.stabilize import Method, StabilizerConfig
-from ssiam.trackers import SteadiedTracker
+from benchmarks.common.data import nanotrack_weights
+from ssiam.errors import check_choice
+from ssiam.stabilize import METHODS, Method, StabilizerConfig
+from ssiam.trackers import TRACKERS, SteadiedTracker
 
 PEERS = (fear_xs.NAME,)
 
 
 def load(
-    name: str, stabilize: Method | StabilizerConfig = "predict", threads: int = 1
+    name: str, stabilize: str | StabilizerConfig = "predict", threads: int = 1
 ) -> SteadiedTracker:
-    """A tracker.
+    """Load a tracker.
 
     Parameters
     ----------
     name : str
-        Of `ssiam.load_tracker` or of a peer, or with weights of one's own: "lite=runs/mine". Those
-        of NanoTrack and of peers come from the folder of test data.
+        Of `ssiam.load_tracker` or of a peer, optionally with a folder of weights:
+        "lite=runs/mine". The weights of NanoTrack and of peers are in the folder of test data.
     stabilize : str or StabilizerConfig
     threads : int
     """
     name, _, path = name.partition("=")
+    config: Method | StabilizerConfig = (
+        check_choice("stabilize", stabilize, METHODS) if isinstance(stabilize, str) else stabilize
+    )
     if name == fear_xs.NAME:
-        return fear_xs.load(stabilize, threads)
+        return fear_xs.load(config, threads)
     weights = Path(path) if path else None
     if not path and name.startswith("nanotrack"):
-        weights = WEIGHTS / name.replace("_", "")
-    return ssiam.load_tracker(name, weights=weights, stabilize=stabilize, threads=threads)
+        weights = nanotrack_weights(name)
+    return ssiam.load_tracker(
+        check_choice("tracker", name, TRACKERS), weights=weights, stabilize=config, threads=threads
+    )

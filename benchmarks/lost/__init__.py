@@ -1,1 +1,1 @@
-"""Detection of lost targets and re-detection."""
+"""Detection of lost targets, re-detection, and frames without content."""

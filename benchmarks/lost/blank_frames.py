@@ -1,17 +1,17 @@
-"""What trackers do when frames show nothing for a while: 25 gaps of 3-20 frames.
+"""Trackers on clips with blank frames: 25 gaps of 3-20 frames.
 
     python benchmarks/lost/blank_frames.py [--trackers lite,nanotrack_v3] [--stabilize predict]
         [--insert] [--verbose]
 
-Black, white, gray, torn and noisy gray frames take the place of frames of the shared sequences and
-of the demo clip; with `--insert` they are put in between, and the clip goes on where it was. A
-tracker is started on the true box 25 frames before the gap. Wrong: frames after the gap in which
-the box is not on the target (IoU < .1) and `lost` is False, though the tracker without a gap is on
-the target then. Back: within 30 frames after the gap the target is held again (IoU >= .5, not
-lost). `lost` without gaps is counted over the same frames.
+Black, white, gray, torn and noisy gray frames replace frames of the shared sequences and of the
+demo clip; with `--insert` they are inserted between frames. A tracker is started on the true box 25
+frames before the gap. "Wrong" counts gaps followed by frames in which the box is not on the target
+(IoU < .1) and `lost` is False, although the tracker without a gap is on the target there. "Back"
+counts gaps after which the target is tracked within 30 frames (IoU >= .5, not lost). "Lost without
+gaps" is counted over the same frames.
 
-The aim: wrong in no gap; back in 20 of 25 for lite and NanoTrack. Needs the folder of test data
-(see shared_data.py).
+The goals: no wrong gap; back in 20 of 25 for lite and NanoTrack. Needs the folder of test data (see
+benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -24,25 +24,31 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-import ssiam
-from ssiam.datasets import Sequence
-from ssiam.geometry import iou
+from ssiam.datasets import Sequence as VideoSequence
+from ssiam.geometry import Image, iou
 from ssiam.trackers import SteadiedTracker
 from ssiam.video import open_source
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import WEIGHTS, sequences
+from benchmarks.common.data import EXAMPLES, sequences
+from benchmarks.common.loading import load
+from benchmarks.common.tables import head
 
 TRACKERS = "lite,nanotrack_v1,nanotrack_v2,nanotrack_v3,csrt,kcf"
-DEMO = Path(__file__).parents[1] / "examples" / "shaky-walker.mp4"
+DEMO = EXAMPLES / "shaky-walker.mp4"
+
+Floats = NDArray[np.float64]
+
 BEFORE, AFTER = 25, 30  # frames
-ON, ELSEWHERE = 0.5, 0.1  # IoU
+TRACKED, MISSED = 0.5, 0.1  # IoU
+LONG = 5  # frames
 HEAD = (
     "tracker",
     "gaps",
     "wrong",
-    "wrong for 5 frames",
+    f"wrong for {LONG} frames",
     "box moved in the gap",
     "back",
     "lost without gaps",
@@ -79,22 +85,29 @@ GAPS = (  # clip, first frame, frames
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """A clip, frame by frame, in which something is blank.
+    """A clip with blank frames.
 
-    `shown` are its frames, `plain` those of the clip without a gap (for replaced frames the same
-    count), `truth` (N, 4) the boxes of `shown`, `first` and `end` of the gap.
+    Attributes
+    ----------
+    name : str
+    frames, without_gap : list of (H, W, 3) uint8 BGR
+        The frames with the gap, and those without it: as many if the blank frames replace others.
+    truth : (N, 4) float64
+        True boxes of `frames`, x, y, w, h in pixels.
+    first, end : int
+        First blank frame, and the frame after the last one.
     """
 
     name: str
-    shown: list[np.ndarray]
-    plain: list[np.ndarray]
-    truth: np.ndarray
+    frames: list[Image]
+    without_gap: list[Image]
+    truth: Floats
     first: int
     end: int
 
 
-def blank(kind: str, t: int, prev: np.ndarray, frame: np.ndarray) -> np.ndarray:
-    """A frame that shows nothing, or half of something."""
+def blank(kind: str, t: int, frame: Image) -> Image:
+    """A blank frame, or one that is blank in its lower part."""
     if kind == "black":
         return np.zeros_like(frame)
     if kind == "white":
@@ -104,14 +117,14 @@ def blank(kind: str, t: int, prev: np.ndarray, frame: np.ndarray) -> np.ndarray:
     if kind == "noise":
         noise = np.random.default_rng(t).normal(0, 2, frame.shape)
         return (100 + noise).astype(np.uint8)
-    torn = frame.copy()  # a decoder that lost most of the frame's slices repeats a line, or gray
+    torn = frame.copy()  # decoders fill lost slices of a frame with a repeated line, or gray
     rows = len(frame) // 5 * (t % 3) // 2
     torn[rows:] = frame[rows] if t % 2 else 128
     return torn
 
 
 def gaps(insert: bool) -> Iterator[Gap]:
-    """All of them; the same at every run."""
+    """All gaps; the same in every run."""
     real = sequences()
     for number, (clip, first, length) in enumerate(GAPS):
         kind = KINDS[number % len(KINDS)]
@@ -120,30 +133,29 @@ def gaps(insert: bool) -> Iterator[Gap]:
         frames, truth = _demo() if clip == "demo" else _frames(real[clip], stop)
         plain, boxes = frames[start:stop], truth[start:stop]
         at = first - start
-        shown = list(plain)
+        gapped = list(plain)
         if insert:
-            shown[at:at] = [blank(kind, t, plain[at - 1], plain[at]) for t in range(length)]
+            gapped[at:at] = [blank(kind, t, plain[at]) for t in range(length)]
             boxes = np.insert(boxes, [at] * length, boxes[at - 1], axis=0)
         else:
             for t in range(length):
-                shown[at + t] = blank(kind, t, plain[at - 1], plain[at + t])
-        yield Gap(f"{clip} {first}+{length} {kind}", shown, plain, boxes, at, at + length)
+                gapped[at + t] = blank(kind, t, plain[at + t])
+        yield Gap(f"{clip} {first}+{length} {kind}", gapped, plain, boxes, at, at + length)
 
 
-def _demo() -> tuple[list[np.ndarray], np.ndarray]:
-    return [f.image for f in open_source(str(DEMO))], np.loadtxt(
-        DEMO.with_suffix(".txt"), delimiter=","
-    )
+def _demo() -> tuple[list[Image], Floats]:
+    frames = [frame.image for frame in open_source(str(DEMO))]
+    return frames, np.loadtxt(DEMO.with_suffix(".txt"), delimiter=",")
 
 
-def _frames(sequence: Sequence, stop: int) -> tuple[list[np.ndarray], np.ndarray]:
+def _frames(sequence: VideoSequence, stop: int) -> tuple[list[Image], Floats]:
     frames = [f for f, _ in zip(sequence.images(), range(stop), strict=False)]
     return frames, np.array([sequence.box(index) for index in range(len(frames))])
 
 
-def followed(
-    tracker: SteadiedTracker, frames: list[np.ndarray], first: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def tracked(
+    tracker: SteadiedTracker, frames: list[Image], first: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Boxes (N, 4) and `lost` (N,) of all frames."""
     tracker.init(frames[0], first.tolist())
     tracks = [tracker.update(frame) for frame in frames[1:]]
@@ -153,46 +165,49 @@ def followed(
 
 
 def main() -> None:
-    """Print a line for every tracker."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trackers", default=TRACKERS, help="names, with commas")
-    parser.add_argument("--stabilize", default="predict", help="one method")
-    parser.add_argument("--insert", action="store_true", help="between frames, not in their place")
-    parser.add_argument("--only", default="", help="gaps whose name has this in it")
-    parser.add_argument("--verbose", action="store_true", help="a line for every gap")
-    chosen = parser.parse_args()
+    parser.add_argument("--trackers", default=TRACKERS, help="names, comma-separated")
+    parser.add_argument("--stabilize", default="predict", help="method")
+    parser.add_argument(
+        "--insert", action="store_true", help="insert blank frames between the others"
+    )
+    parser.add_argument("--only", default="", help="gaps whose name contains this")
+    parser.add_argument("--verbose", action="store_true", help="print a line for every gap")
+    arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    cases = [gap for gap in gaps(chosen.insert) if chosen.only in gap.name]
-    print("| " + " | ".join(HEAD) + " |")
-    print("|---" * len(HEAD) + "|")
-    for name in chosen.trackers.split(","):
-        weights = WEIGHTS / name.replace("_", "") if name.startswith("nano") else None
-        tracker = ssiam.load_tracker(name, weights=weights, stabilize=chosen.stabilize)
-        wrong, long, moved, back, lost_plain, count_plain = 0, 0, 0, 0, 0, 0
+    cases = [gap for gap in gaps(arguments.insert) if arguments.only in gap.name]
+    print(head(HEAD))
+    for name in arguments.trackers.split(","):
+        tracker = load(name, arguments.stabilize)
+        wrong, long, moved, back, lost_without, frames_without = 0, 0, 0, 0, 0, 0
         for gap in cases:
-            boxes, lost = followed(tracker.another(), gap.shown, gap.truth[0])
-            plain_boxes, plain_lost = followed(tracker.another(), gap.plain, gap.truth[0])
-            lost_plain, count_plain = lost_plain + plain_lost.sum(), count_plain + len(plain_lost)
+            boxes, lost = tracked(tracker.another(), gap.frames, gap.truth[0])
+            plain_boxes, plain_lost = tracked(tracker.another(), gap.without_gap, gap.truth[0])
+            lost_without += int(plain_lost.sum())
+            frames_without += len(plain_lost)
             overlap = iou(boxes, gap.truth)
-            length = gap.end - gap.first
-            other = np.insert(plain_boxes, [gap.first] * length, plain_boxes[gap.first - 1], axis=0)
-            on = iou(other if chosen.insert else plain_boxes, gap.truth) >= ON
-            off = (overlap < ELSEWHERE) & ~lost & on
-            held = (overlap >= ON) & ~lost
-            run = int(off[gap.end :].sum())
-            away = np.abs(boxes[gap.first : gap.end] - boxes[gap.first - 1]).max()
-            wrong, long, moved = wrong + (run > 0), long + (run >= 5), moved + (away > 1)
+            if arguments.insert:
+                gap_frames = [gap.first] * (gap.end - gap.first)
+                plain_boxes = np.insert(plain_boxes, gap_frames, plain_boxes[gap.first - 1], axis=0)
+            expected = iou(plain_boxes, gap.truth) >= TRACKED
+            is_wrong = (overlap < MISSED) & ~lost & expected
+            held = (overlap >= TRACKED) & ~lost
+            count = int(is_wrong[gap.end :].sum())
+            shift = float(np.abs(boxes[gap.first : gap.end] - boxes[gap.first - 1]).max())
+            wrong, long, moved = wrong + (count > 0), long + (count >= LONG), moved + (shift > 1)
             back += bool(held[gap.end : gap.end + AFTER].any())
-            if chosen.verbose:
+            if arguments.verbose:
                 after = int(held[gap.end :].argmax()) if held[gap.end :].any() else "never"
                 print(
-                    f"{name} {gap.name}: moved {away:.0f}, wrong {run} (without a gap on the "
-                    f"target in {on[gap.end :].sum()} of {on[gap.end :].size}), back after {after}",
+                    f"{name} {gap.name}: moved {shift:.0f}, wrong {count} (without a gap on the "
+                    f"target in {expected[gap.end :].sum()} of {expected[gap.end :].size}), "
+                    f"back after {after}",
                     flush=True,
                 )
         print(
             f"| {name} | {len(cases)} | {wrong} | {long} | {moved} | {back} "
-            f"| {lost_plain} of {count_plain} |",
+            f"| {lost_without} of {frames_without} |",
             flush=True,
         )
 

@@ -1,1 +1,1 @@
-"""Camera motion against known motion and against other libraries."""
+"""Camera motion: accuracy against known motion, and comparison with other libraries."""

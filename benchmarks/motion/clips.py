@@ -1,8 +1,8 @@
-"""Clips whose camera motion is known: drawn scenes, and real footage shaken on purpose.
+"""Clips with known camera motion: drawn scenes, and real footage with synthetic shake.
 
-Of a drawn scene the motion itself is known. Of real footage only what was added: what an estimator
-says of a shaken pair of frames must be what it says of the unshaken pair with the shake applied.
-Both come from the folder of test data (see shared_data.py).
+The motion of a drawn scene is known. Of real footage only the added shake is known: the estimate
+on a shaken pair of frames must be the estimate on the unshaken pair with the shake applied. Both
+need the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -15,24 +15,27 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.common.data import SHARED, sequences
 from ssiam.geometry import corners_from_xywh, frame_centre, map_box, map_points, rigid
+
+Floats = NDArray[np.float64]
 
 REAL = "real"
 UNSHAKEN = "unshaken"
 SHAKES = ("2 %", "3 %", "5 %", "hand-held")
 NO_BOX = ", no box"
-_SETTLED = 3  # frames of a drawn scene that are not counted, as in bench/motion_bench.py
+_WARM_UP = 3  # frames of a drawn scene that do not count, as in bench/motion_bench.py
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """Frames, and what is known of the camera's motion between them.
+    """Frames, true boxes and the known part of the camera motion.
 
     Attributes
     ----------
-    place : str
+    source : str
         Size of a drawn scene, such as "640x360", or "real".
     scene : str
         Name of the drawn scene, or of the shake.
@@ -40,57 +43,57 @@ class Clip:
         Seed of the drawn scene, or name of the sequence.
     frames : (N, H, W, 3) uint8 BGR
     boxes : (N, 4) float64
-        x, y, w, h of the target, pixels.
+        True boxes x, y, w, h of the target, pixels.
     exclude : bool
-        Whether estimators may be told where the target is.
+        Whether estimators receive the target's box to exclude it.
     cur_from_prev : (N, 3, 3) float64, optional
         True motion of a drawn scene.
     shaken_from_raw : (N, 3, 3) float64, optional
-        The shake that was added to real footage.
+        The synthetic shake of real footage.
     """
 
-    place: str
+    source: str
     scene: str
     name: str
-    frames: np.ndarray
-    boxes: np.ndarray
+    frames: NDArray[np.uint8]
+    boxes: Floats
     exclude: bool = True
-    cur_from_prev: np.ndarray | None = None
-    shaken_from_raw: np.ndarray | None = None
+    cur_from_prev: Floats | None = None
+    shaken_from_raw: Floats | None = None
 
     def save(self, path: Path) -> None:
-        """Write what an estimator gets to see, an .npz file."""
+        """Write frames and boxes, the input of an estimator, as an .npz file."""
         np.savez(path, frames=self.frames, boxes=self.boxes)
 
-    def errors(self, found: np.ndarray, found_unshaken: np.ndarray | None) -> np.ndarray:
-        """Mean distance of the four corners from where they should be, frame by frame.
+    def errors(self, found: Floats, found_unshaken: Floats | None) -> Floats:
+        """Mean distance of the four corners from their true positions, by frame.
 
-        Pixels for a drawn scene. For real footage % of the width; `found_unshaken` is then what
-        the same estimator found on the footage as it was.
+        In pixels for a drawn scene. In % of the width for real footage, which also needs the
+        estimates on the unshaken footage, `found_unshaken`.
         """
         height, width = self.frames.shape[1:3]
         if self.cur_from_prev is not None:
-            return corner_distances(found, self.cur_from_prev, (width, height))[_SETTLED:]
+            return corner_distances(found, self.cur_from_prev, (width, height))[_WARM_UP:]
         assert self.shaken_from_raw is not None
         assert found_unshaken is not None
         prev_raw_from_shaken = np.linalg.inv(self.shaken_from_raw[:-1])
-        wanted = self.shaken_from_raw[1:] @ found_unshaken[1:] @ prev_raw_from_shaken
-        return 100 / width * corner_distances(found[1:], wanted, (width, height))
+        true = self.shaken_from_raw[1:] @ found_unshaken[1:] @ prev_raw_from_shaken
+        return np.asarray(100 / width * corner_distances(found[1:], true, (width, height)))
 
 
-def corner_distances(found: np.ndarray, wanted: np.ndarray, size_wh: tuple[int, int]) -> np.ndarray:
-    """Mean distance (N,) of the frame's corners between transforms (N, 3, 3), pixels."""
+def corner_distances(found: Floats, true: Floats, size_wh: tuple[int, int]) -> Floats:
+    """Mean distance (N,) of the mapped frame corners between transforms (N, 3, 3), pixels."""
     corners = corners_from_xywh((0, 0, *size_wh))
     moved = [
-        map_points(f, corners) - map_points(w, corners) for f, w in zip(found, wanted, strict=True)
+        map_points(f, corners) - map_points(t, corners) for f, t in zip(found, true, strict=True)
     ]
-    return np.linalg.norm(moved, axis=2).mean(axis=1)
+    return np.asarray(np.linalg.norm(moved, axis=2).mean(axis=1))
 
 
 def drawn_clips(
     sizes_wh: Sequence[tuple[int, int]], count: int, seeds: int, no_box: Sequence[str]
 ) -> Iterator[Clip]:
-    """The scenes of bench/motion_bench.py; those in `no_box` a second time, target untold."""
+    """The scenes of bench/motion_bench.py; those in `no_box` a second time without the box."""
     sys.path.append(str(SHARED / "bench"))
     try:
         import motion_bench
@@ -106,7 +109,7 @@ def drawn_clips(
                 )
                 motion = [cur @ np.linalg.inv(prev) for prev, cur in pairwise(frame_from_world)]
                 clip = Clip(
-                    place=f"{width}x{height}",
+                    source=f"{width}x{height}",
                     scene=scene,
                     name=f"seed {seed}",
                     frames=np.stack(frames),
@@ -119,27 +122,27 @@ def drawn_clips(
 
 
 def real_clips(count: int) -> Iterator[Clip]:
-    """Every sequence as it is, and after it under each shake; the same at every run."""
+    """Every sequence unshaken, then under each shake; the same in every run."""
     for name, sequence in sequences().items():
         frames = np.stack(list(islice(sequence.images(), count)))
         boxes = np.array([sequence.box(index) for index in range(len(frames))])
-        plain = Clip(REAL, UNSHAKEN, name, frames, boxes)
-        yield plain
+        unshaken = Clip(REAL, UNSHAKEN, name, frames, boxes)
+        yield unshaken
         for shake in SHAKES:
-            yield shaken(plain, shake)
+            yield shaken(unshaken, shake)
 
 
-def shaken(plain: Clip, shake: str) -> Clip:
-    """The clip as a camera would have seen it that moves by one of `SHAKES` more."""
-    count, height, width = plain.frames.shape[:3]
-    shaken_from_raw = poses(shake, count, (width, height), plain.name)
+def shaken(clip: Clip, shake: str) -> Clip:
+    """The clip with one of `SHAKES` added to its camera motion."""
+    count, height, width = clip.frames.shape[:3]
+    shaken_from_raw = poses(shake, count, (width, height), clip.name)
     frames = [
         cv2.warpAffine(frame, pose[:2], (width, height), borderMode=cv2.BORDER_REFLECT_101)
-        for frame, pose in zip(plain.frames, shaken_from_raw, strict=True)
+        for frame, pose in zip(clip.frames, shaken_from_raw, strict=True)
     ]
-    boxes = [map_box(p, b) for p, b in zip(shaken_from_raw, plain.boxes, strict=True)]
+    boxes = [map_box(p, b) for p, b in zip(shaken_from_raw, clip.boxes, strict=True)]
     return replace(
-        plain,
+        clip,
         scene=shake,
         frames=np.stack(frames),
         boxes=np.array(boxes),
@@ -147,8 +150,8 @@ def shaken(plain: Clip, shake: str) -> Clip:
     )
 
 
-def poses(shake: str, count: int, size_wh: tuple[int, int], name: str) -> list[np.ndarray]:
-    """shaken_from_raw of every frame; the same at every run."""
+def poses(shake: str, count: int, size_wh: tuple[int, int], name: str) -> list[Floats]:
+    """shaken_from_raw of every frame; the same in every run."""
     rng = np.random.default_rng(sum(map(ord, name + shake)))
     width = size_wh[0]
     if shake == "hand-held":
@@ -156,13 +159,13 @@ def poses(shake: str, count: int, size_wh: tuple[int, int], name: str) -> list[n
     else:
         share = float(shake.split()[0]) / 100
         steps = rng.normal(0, (share * width, share * width, np.deg2rad(1)), (count, 3))
-    return [rigid(*step, frame_centre(size_wh)) for step in steps]
+    return [rigid(dx, dy, angle, frame_centre(size_wh)) for dx, dy, angle in steps]
 
 
-def hand_held(count: int, rng: np.random.Generator) -> np.ndarray:
+def hand_held(count: int, rng: np.random.Generator) -> Floats:
     """Path (count, 3) with a 1/f amplitude and standard deviation 1 in each column."""
     frequency = np.fft.rfftfreq(count)[:, None]
     amplitude = np.divide(1, frequency, out=np.zeros_like(frequency), where=frequency > 0)
     phase = np.exp(2j * np.pi * rng.random((len(frequency), 3)))
     path = np.fft.irfft(amplitude * phase, count, axis=0)
-    return path / path.std(axis=0)
+    return np.asarray(path / path.std(axis=0))

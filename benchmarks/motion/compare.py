@@ -1,18 +1,18 @@
-"""Camera motion: this project's estimator and its peers, against motion that is known.
+"""Camera motion: the estimators of this project and of other libraries against known motion.
 
     python benchmarks/motion/compare.py [--frames 60] [--seeds 3] [--no-peers] [--plot PATH]
 
-Drawn scenes (bench/motion_bench.py of the test data): the error c is the root mean square over the
-frames of the mean distance of the four corners, in pixels. Real footage, shaken by independent
-shifts of 2, 3 and 5 % of the width with 1 degree of roll, and by a hand-held path (1/f): what an
-estimator says of a shaken pair must be what it says of the unshaken pair with the known shake
-applied; the error is the mean distance of the corners between the two, in % of the width.
+On drawn scenes (bench/motion_bench.py of the test data) the error c is the root mean square over
+the frames of the mean distance of the four corners, in pixels. Real footage is shaken by
+independent shifts of 2, 3 and 5 % of the width with 1 degree of roll, and by a hand-held path
+(1/f). The estimate on a shaken pair of frames should be the estimate on the unshaken pair with the
+known shake applied; the error is the mean distance of the corners between the two, in % of the width.
 
-Every estimator runs in a process of its own, on one thread, the peers in virtual environments that
-are made with pip on the first run. A clip goes to all of them in turn, so that they share the
-machine's noise; times are medians over a clip's frames, colour conversion and resizing included.
-Estimators with a mask are told the target's box of the frame before. Needs the folder of test data
-(see shared_data.py).
+Every estimator runs in a separate process on one thread, the peers in virtual environments that are
+created with pip on the first run. All estimators run on a clip in turn, so that changes of the
+machine's speed affect all of them. Times are medians over the frames of a clip, with color
+conversion and resizing. Estimators with a mask receive the target's box in the previous frame.
+Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from benchmarks.motion.report import Score, tables
 OURS = ("ssiam-direct", "ssiam-direct-rigid", "ssiam-orb", "ssiam-gftt")
 BASELINE = "vidstab-gftt"
 SCENES = ("synthetic", "real")
-PICTURE = Path(__file__).parents[1] / "docs" / "images" / "motion-pareto.png"
-LEAST_FRAMES = 5  # the first three of a drawn scene are not counted
+PLOT = Path(__file__).resolve().parents[2] / "docs" / "images" / "motion-pareto.png"
+MIN_FRAMES = 5  # the first three of a drawn scene do not count
 
 
 def scores(clips: Iterator[Clip], workers: Sequence[Worker]) -> Iterator[Score]:
-    """Every estimator on every clip, clip by clip."""
+    """Score every estimator on every clip, clip by clip."""
     unshaken: dict[str, Run | EstimatorFailed] = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.npz"
         for clip in clips:
-            print(f"{clip.place} {clip.scene}: {clip.name}", file=sys.stderr, flush=True)
+            print(f"{clip.source} {clip.scene}: {clip.name}", file=sys.stderr, flush=True)
             clip.save(path)
             for worker in workers:
                 run: Run | EstimatorFailed
@@ -64,8 +64,8 @@ def scores(clips: Iterator[Clip], workers: Sequence[Worker]) -> Iterator[Score]:
 def score(
     estimator: str, clip: Clip, run: Run | EstimatorFailed, unshaken: Run | EstimatorFailed | None
 ) -> Score:
-    """An estimator's score on a clip, of what it said of that and of the unshaken footage."""
-    names = estimator, clip.place, clip.scene, clip.name
+    """The score of an estimator on a clip, from its results on it and on the unshaken footage."""
+    names = estimator, clip.source, clip.scene, clip.name
     if isinstance(run, EstimatorFailed):
         return Score(*names, np.empty(0), failed=str(run))
     if isinstance(unshaken, EstimatorFailed):
@@ -76,7 +76,7 @@ def score(
 
 
 def start(names: Sequence[str], environments: Path, stack: ExitStack) -> Iterator[Worker]:
-    """The estimators that can be started; a table of all of them is printed."""
+    """Yield the estimators that can be started, and print a table of all of them."""
     print("| estimator | versions |\n|---|---|")
     for name in names:
         try:
@@ -91,18 +91,18 @@ def start(names: Sequence[str], environments: Path, stack: ExitStack) -> Iterato
 
 
 def comma_separated(text: str) -> list[str]:
-    """Words of an option."""
+    """The values of a comma-separated option."""
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def sizes(text: str) -> list[tuple[int, int]]:
-    """(width, height) of each of "640x360,1280x720"."""
+    """(width, height) of each size in a text such as "640x360,1280x720"."""
     pairs = [word.split("x") for word in comma_separated(text)]
     return [(int(width), int(height)) for width, height in pairs]
 
 
-def parsed() -> argparse.Namespace:
-    """The command line."""
+def parsed_arguments() -> argparse.Namespace:
+    """Parse and check the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -115,7 +115,7 @@ def parsed() -> argparse.Namespace:
         help="ssiam-KEYPOINTS[-MODEL][-least_squares] or a peer. Default: "
         + ", ".join([*OURS, *PEERS]),
     )
-    what.add_argument("--no-peers", action="store_true", help="leave the peers out")
+    what.add_argument("--no-peers", action="store_true", help="without the peers")
     what.add_argument(
         "--scenes",
         type=comma_separated,
@@ -128,9 +128,9 @@ def parsed() -> argparse.Namespace:
         type=comma_separated,
         default=["hard"],
         metavar="A,B,...",
-        help="drawn scenes measured a second time without telling the target's box. Default: hard",
+        help="drawn scenes measured again without the target's box. Default: hard",
     )
-    amount = parser.add_argument_group("how much of it")
+    amount = parser.add_argument_group("amount")
     amount.add_argument("--frames", type=int, default=60, help="frames of a clip. Default: 60")
     amount.add_argument("--seeds", type=int, default=3, help="clips of a drawn scene. Default: 3")
     amount.add_argument(
@@ -140,32 +140,32 @@ def parsed() -> argparse.Namespace:
         metavar="WxH,...",
         help="sizes of the drawn scenes. Default: 640x360,1280x720",
     )
-    where = parser.add_argument_group("what comes out, and where")
+    where = parser.add_argument_group("output")
     where.add_argument(
         "--by-sequence",
         type=comma_separated,
         default=["ssiam-direct"],
         metavar="A,B,...",
-        help="estimators with a table of every real sequence. Default: ssiam-direct",
+        help="estimators with a table by real sequence. Default: ssiam-direct",
     )
     where.add_argument(
         "--plot",
         type=Path,
-        default=PICTURE,
+        default=PLOT,
         metavar="PATH",
-        help="picture of speed against error. Default: docs/images/motion-pareto.png",
+        help="plot of speed against error. Default: docs/images/motion-pareto.png",
     )
-    where.add_argument("--json", type=Path, metavar="PATH", help="write the scores of every clip")
+    where.add_argument("--json", type=Path, metavar="PATH", help="file of all scores")
     where.add_argument(
         "--environments",
         type=Path,
         default=Path(tempfile.gettempdir()) / "ssiam-motion-peers",
         metavar="DIR",
-        help="the peers' virtual environments, made there once. Default: in the temporary folder",
+        help="folder of the peers' virtual environments. Default: in the temporary folder",
     )
     arguments = parser.parse_args()
-    if arguments.frames < LEAST_FRAMES:
-        parser.error(f"--frames {arguments.frames}: give it {LEAST_FRAMES} at least")
+    if arguments.frames < MIN_FRAMES:
+        parser.error(f"--frames {arguments.frames}: must be at least {MIN_FRAMES}")
     for name in arguments.estimators:
         if name not in PEERS and not name.startswith("ssiam-"):
             parser.error(f"unknown estimator {name!r}")
@@ -176,8 +176,8 @@ def parsed() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Measure, and print the tables."""
-    arguments = parsed()
+    """Run the estimators, and print the tables."""
+    arguments = parsed_arguments()
     names = [n for n in arguments.estimators if not (arguments.no_peers and n in PEERS)]
     count = arguments.frames
     clips = {
@@ -191,7 +191,7 @@ def main() -> None:
     print(tables(results, BASELINE, arguments.by_sequence))
     for result in results:
         if result.failed:
-            clip = f"{result.place} {result.scene}, {result.clip}"
+            clip = f"{result.source} {result.scene}, {result.clip}"
             print(f"\n{result.estimator} failed on {clip}: {result.failed}")
     if arguments.json:
         arguments.json.write_text(json.dumps([r.summary() for r in results], indent=1))

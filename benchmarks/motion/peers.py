@@ -1,7 +1,7 @@
-"""The peers' throw-away environments, and the processes in which every estimator runs.
+"""Virtual environments of the peers, and the worker processes of all estimators.
 
-A peer is installed with pip into a virtual environment of its own, so that none of them needs to
-agree with this project or with the others on versions.
+Each peer is installed with pip into a separate virtual environment, since the version requirements
+of the peers conflict with each other and with this project.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-_SCRIPT = Path(__file__).with_name("motion_estimators.py")
+_SCRIPT = Path(__file__).with_name("estimators.py")
 _OPENCV = "opencv-contrib-python-headless>=4.10,<5"
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -33,12 +34,12 @@ PEERS = (
 
 
 class EstimatorFailed(Exception):
-    """An estimator could not be installed or started, or did not survive a clip."""
+    """An estimator could not be installed or started, or failed on a clip."""
 
 
 @dataclass(frozen=True)
 class Requirements:
-    """What pip installs for a peer; `bare` is installed without its dependencies."""
+    """Packages that pip installs for a peer; `bare` ones without their dependencies."""
 
     whole: tuple[str, ...]
     bare: tuple[str, ...] = ()
@@ -47,7 +48,7 @@ class Requirements:
         return "\n".join((*self.whole, *(f"{name} (bare)" for name in self.bare)))
 
 
-# vidstab does not import with OpenCV 5. boxmot's camera motion needs none of its networks.
+# vidstab cannot be imported with OpenCV 5. The camera motion of boxmot needs none of its networks.
 REQUIREMENTS = {
     "vidstab": Requirements(("vidstab==1.7.4", _OPENCV)),
     "vidgear": Requirements(("vidgear==0.3.6", _OPENCV)),
@@ -58,30 +59,30 @@ REQUIREMENTS = {
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What an estimator said of a clip.
+    """Result of an estimator on a clip.
 
     Attributes
     ----------
     cur_from_prev : (N, 3, 3) float64
     reliable : (N,) bool
     ms : (N,) float64
-        Milliseconds it took over each frame.
+        Milliseconds per frame.
     """
 
-    cur_from_prev: np.ndarray
-    reliable: np.ndarray
-    ms: np.ndarray
+    cur_from_prev: NDArray[np.float64]
+    reliable: NDArray[np.bool_]
+    ms: NDArray[np.float64]
 
 
 class Worker:
-    """An estimator in a process of its own.
+    """An estimator in a separate process.
 
     Parameters
     ----------
     name : str
-        "ssiam-direct", "vidstab-orb", ...: see `motion_estimators.load_estimator`.
+        "ssiam-direct", "vidstab-orb", ...: see `estimators.load_estimator`.
     environments : Path
-        Folder in which the peers' environments are made and found again.
+        Folder of the peers' virtual environments, created on first use.
 
     Raises
     ------
@@ -92,9 +93,10 @@ class Worker:
     def __init__(self, name: str, environments: Path) -> None:
         self.name = name
         family = name.split("-")[0]
-        own = family not in REQUIREMENTS
-        self._python = Path(sys.executable) if own else _environment(family, environments)
-        self.versions: dict[str, str] = self._start()["versions"]
+        is_peer = family in REQUIREMENTS
+        self._python = _environment(family, environments) if is_peer else Path(sys.executable)
+        self._process = self._started()
+        self.versions: dict[str, str] = self._answer()["versions"]
 
     def __enter__(self) -> Worker:
         return self
@@ -108,22 +110,23 @@ class Worker:
         self._process.communicate()
 
     def run(self, clip: Path, *, exclude: bool) -> Run:
-        """Run a new estimator over a saved clip, telling it the target's boxes or not.
+        """Run a new estimator over a saved clip; `exclude` gives it the target's boxes.
 
         Raises
         ------
         EstimatorFailed
-            It raised an exception, or its process ended; the next clip starts another.
+            It raised an exception, or its process ended; the next clip starts a new one.
         """
         if self._process.poll() is not None:
-            self._start()
+            self._process = self._started()
+            self._answer()
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps({"clip": str(clip), "exclude": exclude}) + "\n")
         self._process.stdin.flush()
         return Run(**{key: np.array(value) for key, value in self._answer().items()})
 
-    def _start(self) -> dict[str, Any]:
-        self._process = subprocess.Popen(
+    def _started(self) -> subprocess.Popen[str]:
+        return subprocess.Popen(
             [self._python, _SCRIPT, self.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -131,7 +134,6 @@ class Worker:
             text=True,
             env=os.environ | _ONE_THREAD,
         )
-        return self._answer()
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
@@ -145,25 +147,32 @@ class Worker:
 
 
 def _environment(family: str, folder: Path) -> Path:
-    """Interpreter of a peer's environment, which is made unless a complete one is there."""
+    """Interpreter of a peer's virtual environment, which is created unless it is complete."""
     home = folder / family
     python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     complete = home / "installed.txt"
-    wanted = REQUIREMENTS[family]
-    if complete.is_file() and complete.read_text() == str(wanted):
+    requirements = REQUIREMENTS[family]
+    if complete.is_file() and complete.read_text() == str(requirements):
         return python
     print(f"installing {family} into {home}", file=sys.stderr, flush=True)
     _call([sys.executable, "-m", "venv", "--clear", home])
-    install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    _call([*install, *wanted.whole])
-    if wanted.bare:
-        _call([*install, "--no-deps", *wanted.bare])
-    complete.write_text(str(wanted))
+    install: list[str | Path] = [
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+    ]
+    _call([*install, *requirements.whole])
+    if requirements.bare:
+        _call([*install, "--no-deps", *requirements.bare])
+    complete.write_text(str(requirements))
     return python
 
 
 def _call(command: list[str | Path]) -> None:
-    """Run a command, or tell the last of what it complained about."""
+    """Run a command; raise `EstimatorFailed` with its last error message if it fails."""
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode:
         lines = (done.stderr or done.stdout).strip().splitlines()

@@ -1,4 +1,4 @@
-"""A picture of speed against error of camera-motion estimators, with the Pareto front."""
+"""Plot of speed against error of camera-motion estimators, with the Pareto front."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from typing import Any, TypeAlias
 from benchmarks.motion.clips import NO_BOX, REAL
 from benchmarks.motion.report import FAR, Pool, Score, grouped
 
-_COLUMNS = 3  # panels of the picture side by side
+_COLUMNS = 3
 _MARKERS = "osD^vP*Xh<>p"
 
 Points: TypeAlias = dict[str, tuple[float, float]]  # (ms, error) by estimator
 
 
 def draw(scores: Sequence[Score], path: Path) -> None:
-    """Write a picture of speed against error: a panel for each drawn scene, two for real footage.
+    """Plot speed against error: a panel for each drawn scene, and two for real footage.
 
-    Estimators that failed on one of a panel's clips are left out of it.
+    An estimator that failed on a clip is left out of the panels with that clip.
     """
     import matplotlib.pyplot as plt
+    from matplotlib.lines import Line2D
 
     panels = _panels(scores)
-    looks = {
+    styles: dict[str, dict[str, Any]] = {
         name: {
             "marker": _MARKERS[index % len(_MARKERS)],
             "color": f"C{index % 10}",
@@ -36,30 +37,31 @@ def draw(scores: Sequence[Score], path: Path) -> None:
     }
     rows = math.ceil((len(panels) + 1) / _COLUMNS)
     figure, grid = plt.subplots(rows, _COLUMNS, figsize=(13, 4.2 * rows), layout="constrained")
-    figure.get_layout_engine().set(h_pad=0.12, w_pad=0.08)
+    layout: Any = figure.get_layout_engine()
+    layout.set(h_pad=0.12, w_pad=0.08)
     for axes in grid.flat[len(panels) :]:
         axes.set_axis_off()
     for axes, ((title, unit), points) in zip(grid.flat, panels.items(), strict=False):
         axes.set(title=title, xlabel="ms a frame", ylabel=unit)
-        _scatter(axes, points, looks)
-    handles = [plt.Line2D([], [], label=name, **look) for name, look in looks.items()]
+        _scatter(axes, points, styles)
+    handles = [Line2D([], [], label=name, **style) for name, style in styles.items()]
     grid.flat[-1].legend(handles=handles, loc="center", frameon=False)
-    figure.canvas.draw()  # settles the sizes that the names are fitted to
+    figure.canvas.draw()  # fixes the sizes that the labels are fitted to
     figure.set_layout_engine("none")
     for axes, points in zip(grid.flat, panels.values(), strict=False):
-        _name_front(axes, points)
+        _label_front(axes, points)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
 
 
 def _panels(scores: Sequence[Score]) -> dict[tuple[str, str], Points]:
-    """What each panel shows, by its title and the name of its error."""
+    """Points of each panel, by its title and the label of its error axis."""
     panels: dict[tuple[str, str], Points] = {}
-    for place, here in grouped(scores, "place").items():
+    for source, here in grouped(scores, "source").items():
         for name, group in grouped(here, "estimator").items():
             pool = Pool(group)
-            if place == REAL and not pool.failed:
-                beyond = max(pool.beyond, 50 / pool.frames)  # none is drawn as half a frame
+            if source == REAL and not pool.failed:
+                beyond = max(pool.beyond, 50 / pool.frames)  # no frame is drawn as half a frame
                 for unit, error in (
                     ("median error, % of the width", pool.error),
                     (f"frames beyond {FAR:g} % of the width, %", beyond),
@@ -67,14 +69,14 @@ def _panels(scores: Sequence[Score]) -> dict[tuple[str, str], Points]:
                     panels.setdefault(("real footage, shaken", unit), {})[name] = pool.ms, error
             for scene, clips in grouped(group, "scene").items():
                 pool = Pool(clips)
-                if place != REAL and not scene.endswith(NO_BOX) and not pool.failed:
-                    key = f"{place}, {scene}", "error of the corners, px"
+                if source != REAL and not scene.endswith(NO_BOX) and not pool.failed:
+                    key = f"{source}, {scene}", "error of the corners, px"
                     panels.setdefault(key, {})[name] = pool.ms, pool.error
     return panels
 
 
 def pareto_front(points: Points) -> list[str]:
-    """Names of the points that no other beats in both speed and error, the fastest first."""
+    """Names of the points on the Pareto front of speed and error, the fastest first."""
     front: list[str] = []
     for name in sorted(points, key=lambda name: points[name]):
         if not front or points[name][1] < points[front[-1]][1]:
@@ -82,14 +84,14 @@ def pareto_front(points: Points) -> list[str]:
     return front
 
 
-def _scatter(axes: Any, points: Points, looks: dict[str, dict[str, Any]]) -> None:
-    """Markers and the Pareto front, with room on the left and below for the front's names."""
+def _scatter(axes: Any, points: Points, styles: dict[str, dict[str, Any]]) -> None:
+    """Markers and the Pareto front, with room at the left and below for its labels."""
     from matplotlib import ticker
 
     ms, error = zip(*points.values(), strict=True)
     axes.loglog(*zip(*(points[name] for name in pareto_front(points)), strict=True), color="0.7")
     for name, point in points.items():
-        axes.plot(*point, **looks[name])
+        axes.plot(*point, **styles[name])
     axes.set(xlim=_span(ms, 0.47, 0.08), ylim=_span(error, 0.25, 0.08))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
@@ -98,14 +100,14 @@ def _scatter(axes: Any, points: Points, looks: dict[str, dict[str, Any]]) -> Non
 
 
 def _span(values: Sequence[float], before: float, after: float) -> tuple[float, float]:
-    """Limits of a logarithmic axis that leave these shares of it free."""
+    """Limits of a logarithmic axis with these shares of it free at the ends."""
     low, high = math.log10(min(values)), math.log10(max(values))
     span = max(high - low, 0.3) / (1 - before - after)
     return 10 ** (low - before * span), 10 ** (high + after * span)
 
 
-def _name_front(axes: Any, points: Points) -> None:
-    """Write each name of the front left of and below its marker, where no marker can be."""
+def _label_front(axes: Any, points: Points) -> None:
+    """Label the points of the front left of and below their markers, where there are no markers."""
     taken: list[Any] = []
     for name in pareto_front(points):
         label = axes.annotate(

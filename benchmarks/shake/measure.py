@@ -1,28 +1,33 @@
-"""What the runs of benchmarks/shake/run.py measure."""
+"""Execution and measures of the runs of benchmarks/shake/run.py."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.common.data import sequences
 from benchmarks.common.loading import load as load_any
-from benchmarks.shake.records import NO_SHAKE, Run
+from benchmarks.shake.records import NO_SHAKE, ShakeRun
 from benchmarks.shake.report import TRUE_MOTION
-from ssiam.datasets import Sequence, Shake, shaken
-from ssiam.datasets.camera_paths import SHAKE_KINDS
+from ssiam.datasets import Sequence as VideoSequence
+from ssiam.datasets import Shake, shaken
+from ssiam.datasets.camera_paths import SHAKE_KINDS, ShakeKind
+from ssiam.errors import check_choice
 from ssiam.evaluation.measures.overlap import vot_overlap
 from ssiam.evaluation.measures.regions import upright
 from ssiam.evaluation.measures.success import success
 from ssiam.evaluation.measures.trajectory import Status, Trajectory
 from ssiam.evaluation.runs.protocols import run
 from ssiam.evaluation.runs.result_files import write_lines
+from ssiam.geometry import Image
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import METHODS, StabilizerConfig
 from ssiam.track import Track
@@ -31,139 +36,154 @@ from ssiam.trackers import SteadiedTracker
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "
 SETTINGS = (*METHODS, *(WITHOUT + part for part in PARTS), TRUE_MOTION)
-BURN_IN = 10  # frames from each start on that do not count for the accuracy
+BURN_IN = 10  # frames from each start on that accuracy leaves out
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Filmed(Sequence):
-    """A sequence whose pictures are at hand, for many runs."""
+class CachedSequence(VideoSequence):
+    """A sequence with its frames in memory, for many runs."""
 
-    pictures: list[np.ndarray]
+    cached: list[Image]
 
-    def images(self, start: int = 0) -> Iterator[np.ndarray]:
-        """The pictures from index `start` on."""
-        return iter(self.pictures[start:])
+    def images(self, start: int = 0) -> Iterator[Image]:
+        """The frames from index `start` on."""
+        return iter(self.cached[start:])
 
 
-class Witness:
-    """A tracker that is told the camera's true motion, if any, and counts where it was lost."""
+class RecordingTracker:
+    """A tracker that optionally receives the true camera motion, and counts frames reported lost.
+
+    Parameters
+    ----------
+    tracker : SteadiedTracker
+    sequence : CachedSequence
+    motions : list of Motion, optional
+        True motion of each frame.
+    """
 
     def __init__(
-        self, tracker: SteadiedTracker, filmed: Filmed, motions: list[Motion] | None
+        self, tracker: SteadiedTracker, sequence: CachedSequence, motions: list[Motion] | None
     ) -> None:
         self._tracker, self._motions = tracker, motions
-        self._order = enumerate(filmed.pictures)
-        self.told_lost = 0
+        self._frames = enumerate(sequence.cached)
+        self.reported_lost = 0
 
-    def init(self, frame: np.ndarray, box: tuple[float, ...]) -> None:
-        """Start on the target in `box`."""
+    def init(self, frame: Image, box: Sequence[float]) -> None:
+        """Start on the target in `box`, x, y, w, h in pixels."""
         self._tracker.init(frame, box)
 
-    def update(self, frame: np.ndarray) -> Track:
-        """The target in the next frame."""
-        index = next(index for index, picture in self._order if picture is frame)
+    def update(self, frame: Image) -> Track:
+        """Track the target into the next frame."""
+        index = next(index for index, cached in self._frames if cached is frame)
         motion = None if self._motions is None else self._motions[index]
         track = self._tracker.update(frame, motion=motion)
-        self.told_lost += track.lost
+        self.reported_lost += track.lost
         return track
 
 
-def chunk(out: Path, one_pass: bool, todo: list[Run]) -> int:
-    """Make runs of one sequence, and write each; how many there were."""
+def run_all(out: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
+    """Execute runs and write each to its file; returns their number."""
     cv2.setNumThreads(1)
     loaded: dict[tuple[str, str], SteadiedTracker] = {}
-    shown = None
+    previous = None
     for each in todo:
-        if each.shaken != shown:
-            plain = sequences()[each.sequence]
-            sequence = shaken(plain, Shake(each.strength, _kind(each), each.seed))
-            filmed, shown = film(sequence), each.shaken
-            motions = true_motions(out, plain, sequence.shaken_from_raw)
+        if each.shaken != previous:
+            unshaken = sequences()[each.sequence]
+            sequence = shaken(unshaken, Shake(each.strength, _kind(each), each.seed))
+            frames, previous = cached(sequence), each.shaken
+            motions = true_motions(out, unshaken, sequence.shaken_from_raw)
         key = each.tracker, each.setting
         loaded[key] = loaded.get(key) or load(*key)
-        given = motions if each.setting == TRUE_MOTION else None
-        done = measured(each, one_pass, loaded[key], filmed, given)
-        write_lines(each.path(out), [json.dumps(asdict(done))])
+        known = motions if each.setting == TRUE_MOTION else None
+        result = measured(each, one_pass, loaded[key], frames, known)
+        write_lines(each.path(out), [result.to_json()])
     return len(todo)
 
 
-def film(sequence: Sequence) -> Filmed:
-    """The sequence with its pictures in memory."""
-    pictures = list(sequence.images())
-    return Filmed(
-        name=sequence.name, frames=sequence.frames, truth=sequence.truth, pictures=pictures
+def cached(sequence: VideoSequence) -> CachedSequence:
+    """The sequence with its frames read into memory."""
+    return CachedSequence(
+        name=sequence.name,
+        frames=sequence.frames,
+        truth=sequence.truth,
+        cached=list(sequence.images()),
     )
 
 
 def load(tracker: str, setting: str) -> SteadiedTracker:
-    """The tracker with a setting, by their names."""
-    config = StabilizerConfig(setting if setting in METHODS else "predict")
+    """Load a tracker with one of `SETTINGS`."""
+    method = setting if setting in METHODS else "predict"
+    config = StabilizerConfig(check_choice("stabilize", method, METHODS))
     if setting.startswith(WITHOUT):
-        config = replace(config, **{setting.removeprefix(WITHOUT): False})
+        off: dict[str, Any] = {setting.removeprefix(WITHOUT): False}
+        config = replace(config, **off)
     return load_any(tracker, config)
 
 
-def true_motions(out: Path, plain: Sequence, shaken_from_raw: np.ndarray) -> list[Motion]:
-    """The shake, and the motion that the footage had before it; by frame."""
-    path = out / "motions" / f"{plain.name}.json"
+def true_motions(
+    out: Path, unshaken: VideoSequence, shaken_from_raw: NDArray[np.float64]
+) -> list[Motion]:
+    """Motion of each frame: the shake combined with the estimated motion of the unshaken frames."""
+    path = out / "motions" / f"{unshaken.name}.json"
     if not path.exists():
-        write_lines(path, [json.dumps(unshaken_motions(plain).tolist())])
+        write_lines(path, [json.dumps(unshaken_motions(unshaken).tolist())])
     raw = np.array(json.loads(path.read_text()))
     raw_from_prev_shaken = raw[1:] @ np.linalg.inv(shaken_from_raw[:-1])
-    height, width = next(plain.images()).shape[:2]
+    height, width = next(unshaken.images()).shape[:2]
     return [
         Motion.given(cur_from_prev, (width, height))
         for cur_from_prev in (np.eye(3), *(shaken_from_raw[1:] @ raw_from_prev_shaken))
     ]
 
 
-def unshaken_motions(plain: Sequence) -> np.ndarray:
-    """cur_from_prev (N, 3, 3) of the frames as they are, without a look at the target."""
+def unshaken_motions(sequence: VideoSequence) -> NDArray[np.float64]:
+    """Estimated cur_from_prev (N, 3, 3) of a sequence, with the true box excluded."""
     camera = CameraMotion()
-    boxes = upright(plain.truth)
-    told = [None, *(box if np.isfinite(box).all() else None for box in boxes[:-1])]
-    motions = [camera.update(*each) for each in zip(plain.images(), told, strict=True)]
+    boxes = upright(sequence.truth)
+    known = [None, *(box.tolist() if np.isfinite(box).all() else None for box in boxes[:-1])]
+    motions = [camera.update(*each) for each in zip(sequence.images(), known, strict=True)]
     return np.stack([motion.cur_from_prev for motion in motions])
 
 
 def measured(
-    each: Run,
+    each: ShakeRun,
     one_pass: bool,
     tracker: SteadiedTracker,
-    filmed: Filmed,
+    sequence: CachedSequence,
     motions: list[Motion] | None,
-) -> Run:
-    """The run with its figures."""
-    began = time.perf_counter()
-    witness = Witness(tracker.another(), filmed, motions)
-    supervised = run(witness, filmed)
-    found = replace(each, frames=len(filmed), told_lost=witness.told_lost)
-    found = replace(found, **overlaps(supervised, filmed))
+) -> ShakeRun:
+    """Execute a run: the run with its measures."""
+    start = time.perf_counter()
+    recording = RecordingTracker(tracker.another(), sequence, motions)
+    supervised = run(recording, sequence)
+    found = replace(each, frames=len(sequence), reported_lost=recording.reported_lost)
+    found = with_overlaps(found, supervised, sequence)
     if one_pass:
-        witness = Witness(tracker.another(), filmed, motions)
-        boxes = upright(run(witness, filmed, "ope").regions)
-        boxes[0] = filmed.box(0)
-        auc = success(boxes, upright(filmed.truth)).auc
-        found = replace(found, success=auc, one_pass_told_lost=witness.told_lost)
-    return replace(found, seconds=time.perf_counter() - began)
+        recording = RecordingTracker(tracker.another(), sequence, motions)
+        boxes = upright(run(recording, sequence, "ope").regions)
+        boxes[0] = sequence.box(0)
+        auc = success(boxes, upright(sequence.truth)).auc
+        found = replace(found, success=auc, one_pass_reported_lost=recording.reported_lost)
+    return replace(found, seconds=time.perf_counter() - start)
 
 
-def overlaps(supervised: Trajectory, filmed: Filmed) -> dict[str, float]:
-    """Figures of a supervised run; the overlap is pysot's."""
-    height, width = filmed.pictures[0].shape[:2]
-    overlap = vot_overlap(supervised.regions, filmed.truth, (width, height))
+def with_overlaps(each: ShakeRun, supervised: Trajectory, sequence: CachedSequence) -> ShakeRun:
+    """The run with the measures of its supervised trajectory; the overlap is pysot's."""
+    height, width = sequence.cached[0].shape[:2]
+    overlap = vot_overlap(supervised.regions, sequence.truth, (width, height))
     tracked = supervised.status == Status.TRACKED
     known = tracked & np.isfinite(overlap)
     settled = known & ~supervised.burn_in(BURN_IN)
-    return {
-        "lost": len(supervised.failures),
-        "tracked": int(tracked.sum()),
-        "overlap": float(overlap[known].sum()),
-        "counted": int(known.sum()),
-        "settled_overlap": float(overlap[settled].sum()),
-        "settled": int(settled.sum()),
-    }
+    return replace(
+        each,
+        lost=len(supervised.failures),
+        tracked=int(tracked.sum()),
+        overlap=float(overlap[known].sum()),
+        counted=int(known.sum()),
+        settled_overlap=float(overlap[settled].sum()),
+        settled=int(settled.sum()),
+    )
 
 
-def _kind(each: Run) -> str:
-    return SHAKE_KINDS[0] if each.kind == NO_SHAKE else each.kind
+def _kind(each: ShakeRun) -> ShakeKind:
+    return SHAKE_KINDS[0] if each.kind == NO_SHAKE else check_choice("kind", each.kind, SHAKE_KINDS)

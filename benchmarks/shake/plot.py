@@ -1,4 +1,4 @@
-"""A picture of lost targets against the strength of the shake, made of the runs of shake.py."""
+"""Plot of lost targets against the strength of the shake, from the runs of run.py."""
 
 from __future__ import annotations
 
@@ -6,43 +6,43 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.shake.records import NO_SHAKE, Run, Runs
+from benchmarks.shake.records import NO_SHAKE, Runs, ShakeRun
 from benchmarks.shake.report import KINDS, TRUE_MOTION, by, comparable, lost, per_1000
-from ssiam.evaluation.paper.canvas import BLUE, COLORS, ORANGE, SMALL, bare, canvas, png
+from ssiam.evaluation.paper.canvas import BLUE, COLORS, ORANGE, SMALL, canvas, png, style_axes
 
 _COLUMNS: Final = 3
 _WIDTH: Final = 7.7  # inches: 1000 pixels
 _HEIGHT: Final = 2.75  # inches of a row of panels
-_ABOVE: Final = 0.85  # inches of title and legend
+_HEADER: Final = 0.85  # inches of title and legend
 _GREEN: Final = COLORS[2]
 
-# Name in the legend and look of each line.
+# Label and style of each line.
 _LINES: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "off": ("tracker alone", {"color": "0.45", "marker": "s"}),
-    "paper": ("paper's steadying", {"color": ORANGE, "marker": "^"}),
+    "paper": ("paper's stabilization", {"color": ORANGE, "marker": "^"}),
     "predict": ("predict", {"color": BLUE, "marker": "o", "linewidth": 2.6, "zorder": 3}),
     TRUE_MOTION: (
-        "predict, motion told",
+        "predict, true motion",
         {"color": _GREEN, "marker": "D", "linestyle": (0, (4, 2)), "markersize": 4},
     ),
 }
-_LOOK: Final = {"linewidth": 1.6, "markersize": 5.5, "clip_on": False}
+_STYLE: Final = {"linewidth": 1.6, "markersize": 5.5, "clip_on": False}
 
 
 def draw(runs: Runs, path: Path) -> None:
-    """Write a picture with a panel for each tracker."""
-    shown = [run for run in comparable(runs, [*_LINES]) if run.kind in (NO_SHAKE, *KINDS)]
-    panels = by(sorted(shown, key=_place), lambda run: run.tracker)
+    """Write a plot with a panel for each tracker."""
+    listed = [run for run in comparable(runs, [*_LINES]) if run.kind in (NO_SHAKE, *KINDS)]
+    panels = by(sorted(listed, key=_order), lambda run: run.tracker)
     columns = min(_COLUMNS, len(panels))
     rows = math.ceil(len(panels) / columns)
-    figure, grid = canvas((_WIDTH, _ABOVE + _HEIGHT * rows), (rows, columns), sharex=True)
+    figure, grid = canvas((_WIDTH, _HEADER + _HEIGHT * rows), (rows, columns), sharex=True)
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)
     for axes, (tracker, own) in zip(grid.flat, panels.items(), strict=False):
         _panel(axes, tracker, own)
     for axes in grid.flat[len(panels) :]:
         axes.set_axis_off()
     for axes in grid.flat[max(len(panels) - columns, 0) : len(panels)]:
-        axes.set_xlabel("shake, % of the picture's width")
+        axes.set_xlabel("shake, % of the frame's width")
         axes.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("lost targets per 1000 frames")
@@ -51,25 +51,25 @@ def draw(runs: Runs, path: Path) -> None:
     path.write_bytes(png(figure))
 
 
-def _place(run: Run) -> tuple[bool, str]:
-    """Networks first, then by name."""
+def _order(run: ShakeRun) -> tuple[bool, str]:
+    """NanoTrack first, then by name."""
     return not run.tracker.startswith("nanotrack"), run.tracker
 
 
 def _panel(axes: Any, tracker: str, own: Runs) -> None:
     """The lines of a tracker."""
-    bare(axes)
+    style_axes(axes)
     axes.set_title(tracker.replace("_", " "), fontsize=SMALL + 2, fontweight="bold", loc="left")
     strengths = sorted({run.strength for run in own})
     settings = by(own, lambda run: run.setting)
-    for setting, (label, look) in _LINES.items():
+    for setting, (label, style) in _LINES.items():
         if setting in settings:
             rates = [
                 per_1000([run for run in settings[setting] if run.strength == strength])
                 for strength in strengths
             ]
             percent = [100 * strength for strength in strengths]
-            axes.plot(percent, rates, label=label, **{**_LOOK, **look})
+            axes.plot(percent, rates, label=label, **{**_STYLE, **style})
     axes.set_xticks([100 * strength for strength in strengths])
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_ylim(bottom=0)
@@ -78,7 +78,7 @@ def _panel(axes: Any, tracker: str, own: Runs) -> None:
 
 
 def _gain(axes: Any, settings: dict[str, Any], strongest: float) -> None:
-    """How many times fewer targets are lost under the strongest shake, beside an arrow."""
+    """Arrow with the factor between off and predict under the strongest shake."""
     ends = {
         name: [run for run in settings.get(name, []) if run.strength == strongest]
         for name in ("off", "predict")
@@ -89,15 +89,15 @@ def _gain(axes: Any, settings: dict[str, Any], strongest: float) -> None:
     if high <= low:
         return
     at = 100 * strongest * 1.06
-    look = {"arrowstyle": "->", "color": BLUE, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", (at, low), (at, high), arrowprops=look, annotation_clip=False)
-    place = {"textcoords": "offset points", "va": "center", "annotation_clip": False}
+    arrow = {"arrowstyle": "->", "color": BLUE, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (at, low), (at, high), arrowprops=arrow, annotation_clip=False)
+    label = {"textcoords": "offset points", "va": "center", "annotation_clip": False}
     text, middle = f"{high / low:.1f}×\nfewer", (at, (high + low) / 2)
-    axes.annotate(text, middle, (4, 0), size=SMALL, weight="bold", color=BLUE, **place)
+    axes.annotate(text, middle, (4, 0), size=SMALL, weight="bold", color=BLUE, **label)
 
 
 def _head(figure: Any, panels: Any) -> None:
-    """The title, and below it the legend of the lines of any panel."""
+    """The title, and below it a common legend of all panels."""
     drawn = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in panels)
     lines = {label: handle for pairs in drawn for handle, label in pairs}
     labels = [label for label, _ in _LINES.values() if label in lines]

@@ -1,4 +1,4 @@
-"""The tables of benchmarks/shake/run.py, made of its runs."""
+"""Markdown tables of the runs of benchmarks/shake/run.py."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 
-from benchmarks.shake.records import NO_SHAKE, Run, Runs
+from benchmarks.shake.records import NO_SHAKE, Runs, ShakeRun
 from ssiam.datasets.camera_paths import SHAKE_KINDS
 from ssiam.evaluation.measures.compare import paired_difference
 
 TRUE_MOTION = "predict, true motion"
 MAIN = ("off", "paper", "literal", "predict", TRUE_MOTION)
-KINDS = ("white", "handheld")  # summed in the first table and in the picture
+KINDS = ("white", "handheld")  # summed in the first table and in the plot
 
 
 def report(runs: Runs, ablate: str) -> str:
-    """All tables, markdown; `ablate` is the tracker of the second one."""
+    """All tables as Markdown; `ablate` is the tracker of the last one."""
     parts = [
         f"{len(runs)} runs, {sum(run.frames for run in runs)} frames, "
         f"{sum(run.seconds for run in runs) / 3600:.2f} hours of one core.",
@@ -31,38 +31,38 @@ def report(runs: Runs, ablate: str) -> str:
 
 
 def table(rows: Iterator[Sequence[object]]) -> str:
-    """Rows in markdown, the first one being the head."""
+    """Rows as Markdown; the first one is the head."""
     lines = ["| " + " | ".join(map(str, row)) + " |" for row in rows]
     return "\n".join([lines[0], "|---" * (lines[0].count("|") - 1) + "|", *lines[1:]])
 
 
-def comparable(runs: Runs, settings: Sequence[str]) -> list[Run]:
-    """Runs in these settings on what all of them that there are ran on, tracker by tracker."""
-    kept: list[Run] = []
-    asked = [run for run in runs if run.setting in settings]
-    for own in by(asked, lambda run: run.tracker).values():
+def comparable(runs: Runs, settings: Sequence[str]) -> list[ShakeRun]:
+    """Runs in these settings on the shaken sequences that all settings of a tracker have."""
+    kept: list[ShakeRun] = []
+    chosen = [run for run in runs if run.setting in settings]
+    for own in by(chosen, lambda run: run.tracker).values():
         groups = by(own, lambda run: run.setting).values()
         common = set.intersection(*({run.shaken for run in group} for group in groups))
         kept += [run for run in own if run.shaken in common]
     return kept
 
 
-def by(runs: Runs, key: Callable[[Run], str]) -> dict[str, list[Run]]:
-    """Runs by a name of them."""
-    groups: dict[str, list[Run]] = defaultdict(list)
+def by(runs: Runs, key: Callable[[ShakeRun], str]) -> dict[str, list[ShakeRun]]:
+    """Runs grouped by a key."""
+    groups: dict[str, list[ShakeRun]] = defaultdict(list)
     for run in runs:
         groups[key(run)].append(run)
     return groups
 
 
 def lost_rows(runs: Runs) -> Iterator[Sequence[object]]:
-    """Table A: a row for each tracker, strength and setting."""
+    """Lost targets: a row per tracker, strength and setting."""
     yield (
         *("tracker", "shake", "setting", "lost", "of off", "of paper", "per 1000 frames"),
-        *("accuracy", "with burn-in", "success", "told lost"),
+        *("accuracy", "with burn-in", "success", "reported lost"),
     )
-    shown = [run for run in comparable(runs, MAIN) if run.kind in (NO_SHAKE, *KINDS)]
-    for tracker, own in by(shown, lambda run: run.tracker).items():
+    listed = [run for run in comparable(runs, MAIN) if run.kind in (NO_SHAKE, *KINDS)]
+    for tracker, own in by(listed, lambda run: run.tracker).items():
         for strength in sorted({run.strength for run in own}):
             group = [run for run in own if run.strength == strength]
             settings = by(group, lambda run: run.setting)
@@ -73,18 +73,18 @@ def lost_rows(runs: Runs) -> Iterator[Sequence[object]]:
                 yield (*head, f"{per_1000(here):.2f}", *_quality(here))
 
 
-def ordered(settings: dict[str, list[Run]]) -> list[str]:
-    """Names of settings, those of the first table first."""
+def ordered(settings: dict[str, list[ShakeRun]]) -> list[str]:
+    """Names of settings, the main ones first."""
     return sorted(settings, key=lambda s: (MAIN.index(s) if s in MAIN else len(MAIN), s))
 
 
 def lost(runs: Runs) -> int:
-    """Lost targets of all runs."""
+    """Number of lost targets of all runs."""
     return sum(run.lost for run in runs)
 
 
 def per_1000(runs: Runs) -> float:
-    """Lost targets per 1000 frames of footage."""
+    """Lost targets per 1000 frames."""
     return 1000 * lost(runs) / sum(run.frames for run in runs)
 
 
@@ -93,21 +93,21 @@ def _ratio(runs: Runs, others: Runs | None) -> str:
 
 
 def _quality(runs: Runs) -> list[str]:
-    """Accuracy after the burn-in and with it, success, share of the frames told lost."""
+    """Accuracy without and with burn-in, success, share of the frames reported as lost."""
     settled = sum(run.settled_overlap for run in runs), sum(run.settled for run in runs)
     counted = sum(run.overlap for run in runs), sum(run.counted for run in runs)
     known = [run.success for run in runs if run.success is not None]
-    told = sum(run.told_lost for run in runs), sum(run.tracked for run in runs)
+    reported = sum(run.reported_lost for run in runs), sum(run.tracked for run in runs)
     means = [*settled], [*counted], [sum(known), len(known)]
     cells = [f"{part / whole:.3f}" if whole else "-" for part, whole in means]
-    return [*cells, f"{100 * told[0] / told[1]:.1f} %" if told[1] else "-"]
+    return [*cells, f"{100 * reported[0] / reported[1]:.1f} %" if reported[1] else "-"]
 
 
 def kind_rows(runs: Runs) -> Iterator[Sequence[object]]:
-    """Table B: a row for each setting, a column for each kind of shake."""
+    """Lost targets: a row per setting, a column per kind of shake."""
     every = comparable(runs, [*{run.setting for run in runs}])
     kinds = [kind for kind in (NO_SHAKE, *SHAKE_KINDS) if any(run.kind == kind for run in every)]
-    yield ("setting", *kinds, "all", "accuracy", "with burn-in", "success", "told lost")
+    yield ("setting", *kinds, "all", "accuracy", "with burn-in", "success", "reported lost")
     settings = by(every, lambda run: run.setting)
     for setting in ordered(settings):
         kind = by(settings[setting], lambda run: run.kind)
@@ -116,10 +116,10 @@ def kind_rows(runs: Runs) -> Iterator[Sequence[object]]:
 
 
 def paired_rows(runs: Runs) -> Iterator[Sequence[object]]:
-    """Lost targets and success of "predict" minus others, for each tracker and strength."""
+    """Lost targets and success of "predict" minus other settings, by tracker and strength."""
     yield ("tracker", "shake", "difference", "lost targets", "success", "sequences")
-    shown = [run for run in comparable(runs, MAIN) if run.kind in (NO_SHAKE, *KINDS)]
-    for tracker, own in by(shown, lambda run: run.tracker).items():
+    listed = [run for run in comparable(runs, MAIN) if run.kind in (NO_SHAKE, *KINDS)]
+    for tracker, own in by(listed, lambda run: run.tracker).items():
         for strength in sorted({run.strength for run in own}):
             group = by([run for run in own if run.strength == strength], lambda run: run.setting)
             for other in ("off", "paper"):
@@ -129,7 +129,7 @@ def paired_rows(runs: Runs) -> Iterator[Sequence[object]]:
 
 
 def differences(runs: Runs, others: Runs) -> list[object]:
-    """Cells: lost targets summed over kinds and seeds, mean success, number of sequences."""
+    """Cells: difference of lost targets, difference of mean success, number of sequences."""
     first, second = (by(each, lambda run: run.sequence) for each in (runs, others))
     found = paired_difference(
         {name: lost(group) for name, group in first.items()},

@@ -1,4 +1,4 @@
-"""How many targets a shaking camera costs, and how many of them each way of steadying keeps.
+"""Lost targets under synthetic camera shake, for each stabilization method.
 
     python benchmarks/shake/run.py --out runs/shake --one-pass --jobs 2 \
         --trackers nanotrack_v1 nanotrack_v2 nanotrack_v3 kcf csrt \
@@ -6,19 +6,20 @@
     python benchmarks/shake/run.py --out runs/shake --one-pass --jobs 2 --settings all
     python benchmarks/shake/run.py --out runs/shake --report [--plot docs/images/shake.png]
 
-Every run of a tracker on a shaken sequence starts again five frames after the target was lost
-(VOT); with --one-pass there is a second one that never does. Each is kept as a small file in
---out and made only once: a benchmark that was stopped goes on where it was; remove the folder when
-the code changes. The tables that benchmarks/shake/report.py makes of all runs there are printed at
-the end, or at once with --report. "predict, true motion" is told the camera's motion: the shake,
-on top of what is estimated on the unshaken frames with the true box left out. "predict without
-find" and the like lack one part each. Needs the folder of test data (see shared_data.py).
+Each run restarts the tracker five frames after a lost target (VOT); --one-pass adds a second run
+without restarts. The result of each run is a small file in --out. An interrupted benchmark resumes
+and does not repeat finished runs; remove the folder when the code changes. The tables of all runs
+in the folder (benchmarks/shake/report.py) are printed at the end, or immediately with --report.
+"predict, true motion" receives the camera motion: the shake combined with the estimate on the
+unshaken frames with the true box excluded. "predict without find" and the like disable one part of
+predict. Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 
@@ -29,50 +30,53 @@ from ssiam.datasets.camera_paths import SHAKE_KINDS
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import sequences
 from benchmarks.common.loading import PEERS
-from benchmarks.shake.measure import SETTINGS, chunk
+from benchmarks.shake.measure import SETTINGS, run_all
 from benchmarks.shake.plot import draw
-from benchmarks.shake.records import NO_SHAKE, Run, read_runs
+from benchmarks.shake.records import NO_SHAKE, ShakeRun, read_runs
 from benchmarks.shake.report import MAIN, report
 
 TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt", *PEERS)
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)
 
 
-def chunks(chosen: argparse.Namespace) -> list[list[Run]]:
-    """What is not there yet: the runs of a tracker on a sequence under a strength and kind."""
-    there = {each.key for each in read_runs(chosen.out) if each.has_one_pass or not chosen.one_pass}
-    shakes = [(NO_SHAKE, 0.0, [0])] if 0 in chosen.strengths else []
+def missing_runs(chosen: argparse.Namespace) -> list[list[ShakeRun]]:
+    """Runs without a file, grouped by tracker, kind and strength of shake, and sequence."""
+    finished = {
+        each.key for each in read_runs(chosen.out) if each.has_one_pass or not chosen.one_pass
+    }
+    no_shake: list[tuple[str, float, Iterable[int]]] = [(NO_SHAKE, 0.0, [0])]
+    shakes = no_shake if 0 in chosen.strengths else []
     shakes += [(k, s, range(chosen.seeds)) for s in chosen.strengths if s for k in chosen.kinds]
-    todo = []
+    groups = []
     for tracker, (kind, strength, seeds), name in product(
         chosen.trackers, shakes, chosen.sequences
     ):
-        own = [
-            Run(tracker, setting, kind, strength, seed, name)
+        group = [
+            ShakeRun(tracker, setting, kind, strength, seed, name)
             for seed in seeds
             for setting in chosen.settings
         ]
-        todo.append([each for each in own if each.key not in there])
-    return [own for own in todo if own]
+        groups.append([each for each in group if each.key not in finished])
+    return [group for group in groups if group]
 
 
 def arguments() -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--trackers", nargs="+", default=["nanotrack_v3"], choices=TRACKERS)
     parser.add_argument("--settings", nargs="+", default=MAIN, choices=(*SETTINGS, "all"))
     parser.add_argument("--kinds", nargs="+", default=SHAKE_KINDS, choices=SHAKE_KINDS)
     parser.add_argument("--strengths", nargs="+", type=float, default=STRENGTHS)
-    parser.add_argument("--seeds", type=int, default=3, help="how many paths of each shake")
-    parser.add_argument("--sequences", nargs="+", help="all of them unless given")
-    parser.add_argument("--one-pass", action="store_true", help="one-pass runs too")
+    parser.add_argument("--seeds", type=int, default=3, help="number of paths of each shake")
+    parser.add_argument("--sequences", nargs="+", help="default: all")
+    parser.add_argument("--one-pass", action="store_true", help="with one-pass runs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--report", action="store_true", help="only the tables of what is there")
-    parser.add_argument("--ablate", help="tracker of the second table; default: the first")
-    parser.add_argument("--plot", type=Path, help="picture to be drawn")
+    parser.add_argument("--report", action="store_true", help="only print the tables")
+    parser.add_argument("--ablate", help="tracker of the last table; default: the first one")
+    parser.add_argument("--plot", type=Path, help="file of the plot")
     chosen = parser.parse_args()
     chosen.ablate = chosen.ablate or chosen.trackers[0]
     chosen.settings = SETTINGS if "all" in chosen.settings else chosen.settings
@@ -80,17 +84,17 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Make the runs and print the tables."""
+    """Execute the missing runs and print the tables."""
     chosen = arguments()
     if not chosen.report:
         chosen.sequences = chosen.sequences or list(sequences())
-        todo = chunks(chosen)
-        count, done = sum(map(len, todo)), 0
-        calls = (joblib.delayed(chunk)(chosen.out, chosen.one_pass, own) for own in todo)
+        groups = missing_runs(chosen)
+        count, finished = sum(map(len, groups)), 0
+        calls = (joblib.delayed(run_all)(chosen.out, chosen.one_pass, group) for group in groups)
         parallel = joblib.Parallel(n_jobs=chosen.jobs, return_as="generator_unordered")
-        for made in parallel(calls):
-            done += made
-            print(f"{done} of {count} runs", file=sys.stderr, flush=True)
+        for number in parallel(calls):
+            finished += number
+            print(f"{finished} of {count} runs", file=sys.stderr, flush=True)
     runs = read_runs(chosen.out)
     print(report(runs, chosen.ablate))
     if chosen.plot:

@@ -1,13 +1,13 @@
-"""What predicting costs where nobody shakes the camera: off and predict on all videos of DAVIS.
+"""The effect of predict without synthetic shake: off and predict on all videos of DAVIS.
 
     python benchmarks/shake/unshaken.py DAVIS --trackers lite nanotrack_v3 [--jobs 2]
 
-DAVIS is the folder of JPEGImages and Annotations (480p): 50 videos, most from a camera that
-follows its target by hand. None of them was looked at when the numbers of `predict` were chosen;
-40 are among those that lite was trained on. What is labelled is one target, its box the truth.
-Lost targets (VOT-style restarts) and the success of one pass; differences by video with a
-bootstrap 95 % interval, and the videos in which the success differs most. NanoTrack needs the
-folder of test data (see shared_data.py).
+DAVIS is the folder of JPEGImages and Annotations (480p): 50 videos, most from a hand-held camera
+that follows its target. None of them was used to choose the parameters of `predict`; lite was trained on
+40 of them. All labeled objects together are the target. The table has lost targets (VOT restarts)
+and the success of one pass, their differences by video with a bootstrap 95 % interval, and the
+videos with the largest differences of success. NanoTrack needs the folder of test data (see
+benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -20,37 +20,39 @@ import cv2
 import joblib
 import numpy as np
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import Sequence as VideoSequence
 from ssiam.evaluation.measures.compare import paired_difference
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.accuracy.masks import box, truth
-from benchmarks.shake.measure import film, load, measured
-from benchmarks.shake.records import NO_SHAKE, Run
+from benchmarks.accuracy.masks import box, true_mask
+from benchmarks.shake.measure import cached, load, measured
+from benchmarks.shake.records import NO_SHAKE, ShakeRun
 
 SETTINGS = ("off", "predict")
-TOLD = 3  # videos with the greatest differences
+LISTED = 3  # videos with the largest differences
 HEAD = "| tracker | off: lost, success | predict | lost | success | most different |"
 
 
-def video(root: Path, name: str) -> Sequence:
-    """A video of DAVIS with the boxes of its masks; nan where nothing is labelled."""
-    pictures = sorted((root / "JPEGImages" / "480p" / name).glob("*.jpg"))
-    labels = [truth(path) for path in sorted((root / "Annotations" / "480p" / name).glob("*.png"))]
+def video(root: Path, name: str) -> VideoSequence:
+    """A video of DAVIS with the boxes of its masks; nan in frames without a label."""
+    frames = sorted((root / "JPEGImages" / "480p" / name).glob("*.jpg"))
+    labels = [
+        true_mask(path) for path in sorted((root / "Annotations" / "480p" / name).glob("*.png"))
+    ]
     boxes = [box(label) if label.any() else (np.nan,) * 4 for label in labels]
-    return Sequence(name, tuple(pictures), np.array(boxes))
+    return VideoSequence(name, tuple(frames), np.array(boxes))
 
 
-def runs_of(root: Path, name: str, trackers: list[str]) -> list[Run]:
-    """What each tracker does with each setting on a video."""
+def runs_of(root: Path, name: str, trackers: list[str]) -> list[ShakeRun]:
+    """Run each tracker with each setting on a video."""
     cv2.setNumThreads(1)
-    filmed = film(video(root, name))
+    sequence = cached(video(root, name))
     return [
         measured(
-            Run(tracker, setting, NO_SHAKE, 0.0, 0, name),
+            ShakeRun(tracker, setting, NO_SHAKE, 0.0, 0, name),
             True,
             load(tracker, setting),
-            filmed,
+            sequence,
             None,
         )
         for tracker in trackers
@@ -58,29 +60,31 @@ def runs_of(root: Path, name: str, trackers: list[str]) -> list[Run]:
     ]
 
 
-def row(tracker: str, runs: list[Run]) -> str:
-    """The table's row of a tracker."""
+def row(tracker: str, runs: list[ShakeRun]) -> str:
+    """The row of a tracker."""
     off, predict = (
         [run for run in runs if (run.tracker, run.setting) == (tracker, setting)]
         for setting in SETTINGS
     )
-    was, now = ({run.sequence: run.success or 0.0 for run in own} for own in (off, predict))
-    gains = {name: now[name] - was[name] for name in was}
+    success_off, success_predict = (
+        {run.sequence: run.success or 0.0 for run in own} for own in (off, predict)
+    )
+    gains = {name: success_predict[name] - success_off[name] for name in success_off}
     lost = paired_difference(
         *({run.sequence: run.lost for run in own} for own in (predict, off)), over="sum"
     )
-    gain = paired_difference(now, was)
+    gain = paired_difference(success_predict, success_off)
     cells = [
         tracker,
         *(
             f"{sum(run.lost for run in own)}, {np.mean(list(success.values())):.3f}"
-            for own, success in ((off, was), (predict, now))
+            for own, success in ((off, success_off), (predict, success_predict))
         ),
         f"{lost.value:+.0f} [{lost.low:+.0f}, {lost.high:+.0f}]",
         f"{gain.value:+.4f} [{gain.low:+.4f}, {gain.high:+.4f}]",
         ", ".join(
             f"{name} {gains[name]:+.3f}"
-            for name in sorted(gains, key=lambda name: -abs(gains[name]))[:TOLD]
+            for name in sorted(gains, key=lambda name: -abs(gains[name]))[:LISTED]
         ),
     ]
     return f"| {' | '.join(cells)} |"
