@@ -1,1 +1,1 @@
-"""Accuracy of trackers on real sequences."""
+"""Accuracy of the trackers on real sequences."""

@@ -1,15 +1,16 @@
-"""Masks of held-out DAVIS videos: mean J of a tracker that is given the first frame's box alone.
+"""Masks on held-out DAVIS videos: mean J of a tracker that is started on a box.
 
     python benchmarks/accuracy/masks.py DAVIS [--tracker lite] [--stabilize off] [--videos a,b,...]
 
-DAVIS is the folder of JPEGImages and Annotations (480p). Everything that is labelled counts as one
-target, as in DAVIS 2016; J is the mean overlap of the masks, without the first and the last frame.
-The videos are those that training left out (configs/lite.toml).
+DAVIS is the folder of JPEGImages and Annotations (480p). All labeled objects together are the
+target, as in DAVIS 2016. J is the mean overlap of the masks, without the first and the last frame.
+The videos are those held out of training (configs/lite.toml).
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import cv2
@@ -18,14 +19,17 @@ from numpy.typing import NDArray
 
 import ssiam
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.common.data import read_bgr
+
 HELD_OUT = (
     "blackswan,bmx-trees,breakdance,camel,cows,dance-twirl,drift-straight,goat,parkour,soapbox"
 )
 
 
-def truth(path: Path) -> NDArray[np.bool_]:
-    """What is labelled in a frame, (H, W)."""
-    return np.asarray(cv2.imread(str(path))).any(axis=2)
+def true_mask(path: Path) -> NDArray[np.bool_]:
+    """Mask (H, W) of the labeled objects in a frame."""
+    return np.asarray(read_bgr(path).any(axis=2), np.bool_)
 
 
 def box(mask: NDArray[np.bool_]) -> tuple[float, float, float, float]:
@@ -35,21 +39,21 @@ def box(mask: NDArray[np.bool_]) -> tuple[float, float, float, float]:
     return float(x), float(y), float(columns[-1] + 1 - x), float(rows[-1] + 1 - y)
 
 
-def overlap(mask: NDArray[np.bool_] | None, true: NDArray[np.bool_]) -> float:
-    """Intersection over union; two empty masks are the same."""
-    found = np.zeros_like(true) if mask is None else mask
-    union = (found | true).sum()
-    return float((found & true).sum() / union) if union else 1.0
+def overlap(mask: NDArray[np.bool_] | None, truth: NDArray[np.bool_]) -> float:
+    """Intersection over union of two masks; 1 if both are empty."""
+    found = np.zeros_like(truth) if mask is None else mask
+    union = (found | truth).sum()
+    return float((found & truth).sum() / union) if union else 1.0
 
 
 def jaccard(tracker: ssiam.SteadiedTracker, root: Path, video: str) -> float:
     """J of one video."""
-    pictures = sorted((root / "JPEGImages" / "480p" / video).glob("*.jpg"))
+    frames = sorted((root / "JPEGImages" / "480p" / video).glob("*.jpg"))
     labels = sorted((root / "Annotations" / "480p" / video).glob("*.png"))
-    tracker.init(cv2.imread(str(pictures[0])), box(truth(labels[0])))
+    tracker.init(read_bgr(frames[0]), box(true_mask(labels[0])))
     found = [
-        overlap(tracker.update(cv2.imread(str(picture))).mask, truth(label))
-        for picture, label in zip(pictures[1:], labels[1:], strict=True)
+        overlap(tracker.update(read_bgr(frame)).mask, true_mask(label))
+        for frame, label in zip(frames[1:], labels[1:], strict=True)
     ]
     return float(np.mean(found[:-1]))
 

@@ -1,9 +1,9 @@
-"""Mean IoU of every tracker, unsteadied and steadied, through the command line.
+"""Mean IoU and success of the trackers, alone and stabilized, through the command line.
 
     python benchmarks/accuracy/sequences.py [--as-published]
 
 Runs `ssiam track` on four real sequences and on a shaking clip, and prints the table of
-docs/benchmarks.md. Needs the folder of test data (see shared_data.py).
+docs/benchmarks.md. Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ssiam.datasets import Sequence
+from ssiam.datasets import Sequence as VideoSequence
 from ssiam.evaluation.measures.success import success
 from ssiam.geometry import iou
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import VIDEOS, WEIGHTS, sequences
+from benchmarks.common.data import VIDEOS, nanotrack_weights, sequences
 
 SEQUENCES = ("Couple", "Jumping", "bag_vot2015", "dtb70_MountainBike6")
 TRACKERS = ("csrt", "kcf", "nanotrack_v2", "nanotrack_v3")
@@ -40,19 +41,19 @@ def track(
         command += ["--box", ",".join(f"{v:.4f}" for v in box), "--tracker", tracker]
         command += ["--stabilize", stabilize, "--results", str(results)]
         if tracker.startswith("nanotrack"):
-            command += ["--weights", str(WEIGHTS / tracker.replace("_", ""))]
+            command += ["--weights", str(nanotrack_weights(tracker))]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         with results.open() as file:
             return list(csv.DictReader(file))
 
 
-def folder(sequence: Sequence) -> Path:
-    """Where the sequence's images lie."""
+def folder(sequence: VideoSequence) -> Path:
+    """Folder of the sequence's images."""
     assert isinstance(sequence.frames, tuple)
     return sequence.frames[0].parent
 
 
-def boxes(rows: list[dict[str, str]]) -> np.ndarray:
+def boxes(rows: list[dict[str, str]]) -> NDArray[np.float64]:
     """Boxes (N, 4) of the rows."""
     return np.array([[float(row[key]) for key in "xywh"] for row in rows])
 
@@ -60,7 +61,9 @@ def boxes(rows: list[dict[str, str]]) -> np.ndarray:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--as-published", action="store_true", help="OTB's boxes as they stand")
+    parser.add_argument(
+        "--as-published", action="store_true", help="without conversion of 1-based boxes"
+    )
     as_published = parser.parse_args().as_published
     real = sequences(as_published=as_published)
     head = [f"{t} {m}" for t in TRACKERS for m in METHODS]

@@ -1,1 +1,1 @@
-"""Scripts whose results are constants in src."""
+"""Measurements that produce constants in src; README.md lists which script produces which."""

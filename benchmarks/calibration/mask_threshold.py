@@ -1,9 +1,10 @@
-"""J of the small tracker's masks over the probability from which a pixel is the target's.
+"""Mask threshold of lite: J over the probability from which a pixel belongs to the target.
 
-    python benchmarks/calibration/mask_threshold.py DAVIS [--weights FOLDER] [--videos a,b,...] [--jobs 2]
+    python benchmarks/calibration/mask_threshold.py DAVIS [--weights FOLDER] [--videos a,b,...]
+        [--jobs 2]
 
-DAVIS and videos as in benchmarks/accuracy/masks.py. Prints J of every threshold, and at last what is to be
-expected of new videos: the mean J of each video under the threshold that is best for the others.
+DAVIS and videos as in benchmarks/accuracy/masks.py. Prints J for every threshold, and an estimate
+for new videos: the mean J of each video with the threshold that is best for the others.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 import cv2
 import joblib
 import numpy as np
+from numpy.typing import NDArray
 
 import ssiam
 from ssiam.runtime import Running
@@ -26,8 +28,8 @@ from benchmarks.accuracy.masks import HELD_OUT, jaccard
 THRESHOLDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 
 
-def of_video(weights: Path, root: Path, video: str) -> list[float]:
-    """J of a video with each threshold."""
+def scores_of_video(weights: Path, root: Path, video: str) -> list[float]:
+    """J of a video for each threshold."""
     cv2.setNumThreads(1)
     networks = LiteNetworks.load(weights, Running("openvino", 1))
     config = ssiam.StabilizerConfig("off")
@@ -35,8 +37,8 @@ def of_video(weights: Path, root: Path, video: str) -> list[float]:
     return [jaccard(ssiam.SteadiedTracker(each, config), root, video) for each in trackers]
 
 
-def of_new_videos(by_video: np.ndarray) -> float:
-    """Mean J (videos, thresholds) -> of each video, the threshold chosen on the others."""
+def held_out_score(by_video: NDArray[np.float64]) -> float:
+    """Mean J, from J (videos, thresholds), with each video's threshold chosen on the others."""
     rest = by_video.sum(axis=0) - by_video
     return float(np.mean([own[best] for own, best in zip(by_video, rest.argmax(1), strict=True)]))
 
@@ -50,14 +52,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     runs = [
-        joblib.delayed(of_video)(arguments.weights, arguments.davis, video)
+        joblib.delayed(scores_of_video)(arguments.weights, arguments.davis, video)
         for video in arguments.videos.split(",")
     ]
     by_video = np.array(joblib.Parallel(arguments.jobs)(runs))
     print("| threshold | J |\n|---|---|")
     for threshold, mean in zip(THRESHOLDS, by_video.mean(axis=0), strict=True):
         print(f"| {threshold} | {mean:.3f} |")
-    print(f"| of the other videos | **{of_new_videos(by_video):.3f}** |")
+    print(f"| chosen on the other videos | **{held_out_score(by_video):.3f}** |")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""Success of the small tracker over its search's three numbers, on videos that nobody trained on.
+"""Search parameters of lite: success for each combination, on videos held out of training.
 
-    python benchmarks/calibration/search_parameters.py DATASET [--weights FOLDER] [--frames 80] [--jobs 2]
+    python benchmarks/calibration/search_parameters.py DATASET [--weights FOLDER] [--frames 80]
+        [--jobs 2]
 
-DATASET is a folder as `ssiam bench` takes it, of the videos that training left out: never that of a
-benchmark. Every combination tracks them alone, as they are, and predicted, shaken by 3 %; prints
-both and their mean, the best last.
+DATASET is a folder as for `ssiam bench`, with videos held out of training that are not part of a
+benchmark. Every combination tracks them unshaken with off, and shaken by 3 % with predict. Prints
+both results and their mean, the best last.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from typing import NamedTuple
 import cv2
 import joblib
 import numpy as np
+from numpy.typing import NDArray
 
 import ssiam
-from ssiam.datasets import Sequence as Clip
+from ssiam.datasets import Sequence as VideoSequence
 from ssiam.datasets import Shake, open_dataset, shaken
 from ssiam.evaluation.measures.success import success
 from ssiam.runtime import Running
@@ -34,7 +36,7 @@ LR = (0.4, 0.6)
 
 
 class Setting(NamedTuple):
-    """How the videos are seen."""
+    """Stabilization method and shake of a measurement."""
 
     stabilize: Method
     shake: Shake
@@ -43,31 +45,35 @@ class Setting(NamedTuple):
 SETTINGS = (Setting("off", Shake(0.0)), Setting("predict", Shake(0.03, "handheld")))
 
 
-def scores(weights: Path, clip: Clip, frames: int, tried: Sequence[SearchParameters]) -> np.ndarray:
-    """Success (settings, parameters) of a clip's first frames."""
+def scores(
+    weights: Path, sequence: VideoSequence, frames: int, candidates: Sequence[SearchParameters]
+) -> NDArray[np.float64]:
+    """Success (settings, candidates) on the first frames of a sequence."""
     cv2.setNumThreads(1)
     networks = LiteNetworks.load(weights, Running("openvino", 1))
-    return np.array([of_setting(networks, clip, frames, tried, each) for each in SETTINGS])
+    return np.array(
+        [scores_in_setting(networks, sequence, frames, candidates, each) for each in SETTINGS]
+    )
 
 
-def of_setting(
+def scores_in_setting(
     networks: LiteNetworks,
-    clip: Clip,
+    sequence: VideoSequence,
     frames: int,
-    tried: Sequence[SearchParameters],
+    candidates: Sequence[SearchParameters],
     setting: Setting,
 ) -> list[float]:
-    """Success of a clip's first frames with each of the parameters."""
-    seen = shaken(clip, setting.shake)
-    images = list(islice(seen.images(), frames))
-    truth = np.array([seen.box(index) for index in range(len(images))])
+    """Success of each candidate on the first frames of a sequence."""
+    shaken_sequence = shaken(sequence, setting.shake)
+    images = list(islice(shaken_sequence.images(), frames))
+    truth = np.array([shaken_sequence.box(index) for index in range(len(images))])
     found = []
-    for parameters in tried:
+    for parameters in candidates:
         tracker = ssiam.SteadiedTracker(
             LiteTracker(networks, parameters, masks=False),
             ssiam.StabilizerConfig(setting.stabilize),
         )
-        tracker.init(images[0], truth[0])
+        tracker.init(images[0], truth[0].tolist())
         boxes = [truth[0], *(tracker.update(image).box for image in images[1:])]
         found.append(success(np.array(boxes), truth).auc)
     return found
@@ -81,18 +87,19 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=80)
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
-    tried = [SearchParameters(*each) for each in product(PENALTY_K, WINDOW_INFLUENCE, LR)]
-    clips = open_dataset(arguments.dataset).sequences.values()
+    candidates = [SearchParameters(*each) for each in product(PENALTY_K, WINDOW_INFLUENCE, LR)]
+    sequences = open_dataset(arguments.dataset).sequences.values()
     runs = [
-        joblib.delayed(scores)(arguments.weights, clip, arguments.frames, tried) for clip in clips
+        joblib.delayed(scores)(arguments.weights, each, arguments.frames, candidates)
+        for each in sequences
     ]
     means = np.mean(joblib.Parallel(arguments.jobs)(runs), axis=0)
     both = means.mean(axis=0)
     print("| mean | off | predict, shaken | penalty_k | window_influence | lr |")
     print("|---|---|---|---|---|---|")
-    for place in np.argsort(both):
-        each = tried[place]
-        found = " | ".join(f"{value:.4f}" for value in (both[place], *means[:, place]))
+    for index in np.argsort(both):
+        each = candidates[index]
+        found = " | ".join(f"{value:.4f}" for value in (both[index], *means[:, index]))
         print(f"| {found} | {each.penalty_k} | {each.window_influence} | {each.lr} |")
 
 

@@ -10,8 +10,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from ssiam.datasets import Sequence as VideoSequence
 from ssiam.datasets import open_dataset
+from ssiam.geometry import Image
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 EXAMPLES = CHECKOUT / "examples"
@@ -30,6 +34,14 @@ def sequences(
     if not folder.is_dir():
         raise SystemExit(f"{folder} is absent: set SSIAM_SHARED to the folder of the test data")
     return open_dataset(folder, as_published=as_published).sequences
+
+
+def read_bgr(path: Path) -> Image:
+    """An image file as (H, W, 3) uint8 BGR, as `cv2.imread` decodes it."""
+    image = cv2.imread(str(path))
+    if image is None:
+        raise SystemExit(f"{path}: is missing, or is not an image")
+    return np.asarray(image, np.uint8)
 
 
 def nanotrack_weights(tracker: str) -> Path:

@@ -169,9 +169,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trackers", default=TRACKERS, help="names, comma-separated")
     parser.add_argument("--stabilize", default="predict", help="method")
-    parser.add_argument(
-        "--insert", action="store_true", help="insert blank frames between the others"
-    )
+    parser.add_argument("--insert", action="store_true", help="insert the blank frames")
     parser.add_argument("--only", default="", help="gaps whose name contains this")
     parser.add_argument("--verbose", action="store_true", help="print a line for every gap")
     arguments = parser.parse_args()

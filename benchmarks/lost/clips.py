@@ -1,7 +1,8 @@
 """Clips made of real sequences in which the target is absent for a while, with its true position.
 
 There are three kinds: the target is covered, out of the frame, or replaced by a cut to another
-sequence. Random choices depend only on the name of the clip, so the clips are the same in every run.
+sequence. Random choices depend only on the name of the clip, so the clips are the same in every
+run.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@
         [--data FOLDER] [--shake 0.03] [--jobs 2] [--verbose]
 
 The clips of benchmarks/lost/clips.py: real sequences whose target is covered, out of the frame, or
-cut away for 1-3 s. Every tracker is started once, on the first frame. The goals: `lost` is reported
-within 10 frames in >= 90 % of the cases, and on <= 2 % of the frames in which the target is tracked;
-the target is re-detected within 30 frames of its return in >= 70 % of the cases; and nothing else is
-reported as the target while it is absent. Needs the folder of test data (see
+cut away for 1-3 s. Every tracker is started once, on the first frame. The goals: `lost` is
+reported within 10 frames in >= 90 % of the cases, and on <= 2 % of the frames in which the target
+is tracked; the target is re-detected within 30 frames of its return in >= 70 % of the cases; and
+nothing else is reported as the target while it is absent. Needs the folder of test data (see
 benchmarks/common/data.py).
 """
 

@@ -6,7 +6,8 @@ On drawn scenes (bench/motion_bench.py of the test data) the error c is the root
 the frames of the mean distance of the four corners, in pixels. Real footage is shaken by
 independent shifts of 2, 3 and 5 % of the width with 1 degree of roll, and by a hand-held path
 (1/f). The estimate on a shaken pair of frames should be the estimate on the unshaken pair with the
-known shake applied; the error is the mean distance of the corners between the two, in % of the width.
+known shake applied; the error is the mean distance of the corners between the two, in % of the
+width.
 
 Every estimator runs in a separate process on one thread, the peers in virtual environments that are
 created with pip on the first run. All estimators run on a clip in turn, so that changes of the

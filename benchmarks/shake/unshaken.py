@@ -3,10 +3,10 @@
     python benchmarks/shake/unshaken.py DAVIS --trackers lite nanotrack_v3 [--jobs 2]
 
 DAVIS is the folder of JPEGImages and Annotations (480p): 50 videos, most from a hand-held camera
-that follows its target. None of them was used to choose the parameters of `predict`; lite was trained on
-40 of them. All labeled objects together are the target. The table has lost targets (VOT restarts)
-and the success of one pass, their differences by video with a bootstrap 95 % interval, and the
-videos with the largest differences of success. NanoTrack needs the folder of test data (see
+that follows its target. None of them was used to choose the parameters of `predict`; lite was
+trained on 40 of them. All labeled objects together are the target. The table has lost targets (VOT
+restarts) and the success of one pass, their differences by video with a bootstrap 95 % interval,
+and the videos with the largest differences of success. NanoTrack needs the folder of test data (see
 benchmarks/common/data.py).
 """
 

@@ -1,1 +1,1 @@
-"""Time and memory."""
+"""Time per frame, throughput and memory."""

@@ -1,11 +1,11 @@
-"""What a second process buys: `ssiam bench` with one job, two, and a Dask cluster of two workers.
+"""Speedup of `ssiam bench` with one job, two jobs, and a Dask cluster of two workers.
 
     python benchmarks/speed/bench_jobs.py [--tracker csrt]
 
-The same runs (a tracker, off and paper, over the first frames of the real sequences) three times,
-on one thread each; wall time, start of the processes included, and its ratio to one job. Also the
-peak memory of the largest process with three sequences, and with the same ones five times. Needs
-the folder of test data (see shared_data.py).
+The same runs (one tracker, off and paper, over the first frames of the real sequences) in three
+ways, on one thread each: wall time with the start of the processes, and its ratio to one job. Also
+the peak memory of the largest process with three sequences, and with five copies of them. Needs the
+folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from pathlib import Path
 import psutil
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import WEIGHTS, sequences
+from benchmarks.common.data import nanotrack_weights, sequences
 
-LONGEST = 100  # frames of a sequence
+MAX_FRAMES = 100  # of a sequence
 
 
-def shortened(folder: Path, count: int | None = None, copies: int = 1) -> Path:
-    """The first sequences in OTB's layout, at most `LONGEST` frames of each."""
+def write_dataset(folder: Path, count: int | None = None, copies: int = 1) -> Path:
+    """Copy the first `count` sequences into a dataset in OTB's layout, cut to `MAX_FRAMES`."""
     chosen = islice(sequences().items(), count)
     for (name, sequence), copy in product(chosen, range(copies)):
         name = f"{name}_{copy}"
         images = folder / name / "img"
         images.mkdir(parents=True)
         lines = []
-        for index, path in enumerate(sequence.frames[:LONGEST]):
+        assert isinstance(sequence.frames, tuple)
+        for index, path in enumerate(sequence.frames[:MAX_FRAMES]):
             shutil.copyfile(path, images / f"{index + 1:04d}{path.suffix}")
             x, y, w, h = sequence.box(index)
             lines.append(f"{x + 1},{y + 1},{w},{h}\n")
@@ -46,23 +47,23 @@ def shortened(folder: Path, count: int | None = None, copies: int = 1) -> Path:
 
 
 def measured(dataset: Path, tracker: str, *options: str) -> tuple[float, float]:
-    """Seconds of a benchmark, and the peak of its largest process, MiB."""
+    """Wall time of a benchmark in seconds, and peak memory of its largest process in MiB."""
     command = [sys.executable, "-m", "ssiam", "bench", str(dataset), "--trackers", tracker]
     command += ["--stabilize", "off,paper", *options]
     if tracker.startswith("nanotrack"):
-        command += ["--weights", f"{tracker}={WEIGHTS / tracker.replace('_', '')}"]
+        command += ["--weights", f"{tracker}={nanotrack_weights(tracker)}"]
     with tempfile.TemporaryDirectory() as out:
         start = time.perf_counter()
         process = subprocess.Popen([*command, "--out", out], stdout=subprocess.DEVNULL)
-        peak = watch(process)
+        peak = peak_memory(process)
         seconds = time.perf_counter() - start
     if process.returncode:
         raise SystemExit(f"{' '.join(command)} ended with {process.returncode}")
     return seconds, peak
 
 
-def watch(process: subprocess.Popen[bytes]) -> float:
-    """Peak resident memory of a process's largest child or itself, MiB, until it ends."""
+def peak_memory(process: subprocess.Popen[bytes]) -> float:
+    """Peak resident memory in MiB of the largest among a process and its children."""
     peak, root = 0, psutil.Process(process.pid)
     while process.poll() is None:
         for each in (root, *root.children(recursive=True)):
@@ -75,7 +76,7 @@ def watch(process: subprocess.Popen[bytes]) -> float:
 
 
 def cluster(stack: ExitStack) -> str:
-    """Address of a scheduler with two workers, each a process of one thread."""
+    """Start a Dask scheduler with two workers of one thread each; returns its address."""
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
     scheduler = subprocess.Popen(
         [*command, "--port", "0", "--no-dashboard"], stderr=subprocess.PIPE, text=True
@@ -99,12 +100,12 @@ def main() -> None:
     tracker = parser.parse_args().tracker
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        all_of_them = shortened(folder / "all")
-        few, many = (shortened(folder / f"{n}", 3, copies=n) for n in (1, 5))
+        dataset = write_dataset(folder / "all")
+        few, many = (write_dataset(folder / f"{n}", 3, copies=n) for n in (1, 5))
         address = cluster(stack)
-        one, _ = measured(all_of_them, tracker, "--jobs", "1")
-        two, _ = measured(all_of_them, tracker, "--jobs", "2")
-        clustered, _ = measured(all_of_them, tracker, "--cluster", address)
+        one, _ = measured(dataset, tracker, "--jobs", "1")
+        two, _ = measured(dataset, tracker, "--jobs", "2")
+        clustered, _ = measured(dataset, tracker, "--cluster", address)
         peaks = [measured(each, "kcf", "--jobs", "1")[1] for each in (few, many)]
     print("| run | seconds | times one job |\n|---|---|---|")
     for name, seconds in (("1 job", one), ("2 jobs", two), ("Dask, 2 workers", clustered)):

@@ -1,10 +1,10 @@
-"""`ssiam live` over minutes: time from frame to box, memory, and what a slow client does to others.
+"""`ssiam live` over minutes: latency from frame to box, memory, and the effect of a slow client.
 
     python benchmarks/speed/live.py [--minutes 5] [--tracker NAME] [--slow]
 
-Serves a 640x360 clip at 30 frames a second from a process of its own, draws a target into it, and
-watches as a browser would. With --slow a second client reads one step every two seconds. Needs
-the folder of test data (see shared_data.py).
+Serves a 640x360 clip at 30 frames per second from a separate process, adds a target, and receives
+steps as a browser does. With --slow a second client reads one step every two seconds. Needs the
+folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -31,22 +31,24 @@ from websockets.sync.client import ClientConnection, connect
 from ssiam.video import VideoSink, open_source
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import VIDEOS, WEIGHTS
+from benchmarks.common.data import VIDEOS, nanotrack_weights
 
 SIZE = (640, 360)
 RATE = 30
-CLIP, BOX = "shaky-5.avi", (290, 95, 175, 165)  # the red sculpture, in its own pixels
-LIMITS_MS = {50: 25, 99: 60}  # percentile of the time from frame to box
-TIMED = 300.0  # seconds from the beginning in which the time to the box counts
-MEMORY_EVERY = 5.0  # seconds
-SETTLED = 0.1  # of the time, from which memory has to be flat
+CLIP, BOX = "shaky-5.avi", (290, 95, 175, 165)  # the red sculpture, pixels of the clip
+LATENCY_GOALS = {50: 25, 99: 60}  # percentile -> ms from frame to box
+TIMED = 300.0  # seconds from the start in which latency counts
+MEMORY_INTERVAL = 5.0  # seconds
+SETTLED = 0.1  # share of the time after which memory has to be constant
 
 
 def write_clip(path: Path, count: int) -> tuple[float, ...]:
-    """Write `count` frames, there and back again so that no cut is in them; the first box."""
+    """Write `count` frames, forward and backward so that there is no cut; returns the first box."""
     with open_source(VIDEOS / CLIP) as frames:
         width, height = frames.size_wh
-        images = [cv2.resize(frame.image, SIZE) for frame in islice(frames, 60)]
+        images = [
+            np.asarray(cv2.resize(frame.image, SIZE), np.uint8) for frame in islice(frames, 60)
+        ]
     with VideoSink(path, Fraction(RATE)) as sink:
         for image in islice(cycle(images + images[-2:0:-1]), count):
             sink.write(image)
@@ -55,12 +57,12 @@ def write_clip(path: Path, count: int) -> tuple[float, ...]:
 
 @contextmanager
 def served(clip: Path, tracker: str | None) -> Iterator[tuple[str, psutil.Process]]:
-    """The socket's address and the process of `ssiam live`."""
+    """Run `ssiam live`; yields the address of its socket, and its process."""
     command = [sys.executable, "-m", "ssiam", "live", str(clip), "--port", "0"]
     if tracker is not None:
         command += ["--tracker", tracker]
         if tracker.startswith("nano"):
-            command += ["--weights", str(WEIGHTS / tracker.replace("_", ""))]
+            command += ["--weights", str(nanotrack_weights(tracker))]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
@@ -72,7 +74,7 @@ def served(clip: Path, tracker: str | None) -> Iterator[tuple[str, psutil.Proces
 
 
 def steps(socket: ClientConnection, wait: float = 0.0) -> Iterator[dict[str, Any]]:
-    """Headers of the steps, each told as shown after `wait` seconds."""
+    """Headers of the steps, each acknowledged after `wait` seconds."""
     for message in socket:
         if isinstance(message, bytes):
             length = int.from_bytes(message[:4], "big")
@@ -82,8 +84,8 @@ def steps(socket: ClientConnection, wait: float = 0.0) -> Iterator[dict[str, Any
             yield header
 
 
-def dawdle(address: str) -> None:
-    """Watch slowly, until the server ends."""
+def read_slowly(address: str) -> None:
+    """Read a step every two seconds, until the server ends."""
     with connect(address, max_size=None) as socket:
         for _ in steps(socket, wait=2.0):
             pass
@@ -92,39 +94,44 @@ def dawdle(address: str) -> None:
 def watch(
     address: str, process: psutil.Process, box: tuple[float, ...], seconds: float
 ) -> tuple[list[dict[str, Any]], list[float], list[float]]:
-    """Headers, when they came (seconds), and memory (MB) every few seconds."""
-    headers, came, memory = [], [], []
+    """Headers, their arrival times (seconds), and memory (MB) every few seconds."""
+    headers: list[dict[str, Any]] = []
+    arrivals: list[float] = []
+    memory: list[float] = []
     with connect(address, max_size=None) as socket:
-        follow = steps(socket)
-        first = next(follow)
-        drawn = {"type": "add", "box": box, "number": first["number"]}
-        socket.send(json.dumps(drawn))
-        begun = time.monotonic()
-        for header in follow:
-            now = time.monotonic() - begun
+        received = steps(socket)
+        first = next(received)
+        command = {"type": "add", "box": box, "number": first["number"]}
+        socket.send(json.dumps(command))
+        start = time.monotonic()
+        for header in received:
+            now = time.monotonic() - start
             if now > seconds:
                 break
             headers.append(header)
-            came.append(now)
-            if now >= MEMORY_EVERY * len(memory):
+            arrivals.append(now)
+            if now >= MEMORY_INTERVAL * len(memory):
                 memory.append(process.memory_info().rss / 2**20)
-    return headers, came, memory
+    return headers, arrivals, memory
 
 
-def report(headers: list[dict[str, Any]], came: list[float], memory: list[float]) -> None:
-    """Print what came of it."""
-    timed = [header for header, at in zip(headers, came, strict=True) if at <= TIMED]
-    followed = [header for header in timed if header["targets"]]
-    latency = 1e3 * np.array([header["latency"] for header in followed])
-    told = [f"p{p} {np.percentile(latency, p):.1f} (limit {most})" for p, most in LIMITS_MS.items()]
-    print(f"frame to box, ms: {', '.join(told)}, greatest {latency.max():.1f}")
-    lost = sum(header["targets"][0]["lost"] for header in followed)
+def report(headers: list[dict[str, Any]], arrivals: list[float], memory: list[float]) -> None:
+    """Print latency, throughput and memory."""
+    timed = [header for header, at in zip(headers, arrivals, strict=True) if at <= TIMED]
+    with_target = [header for header in timed if header["targets"]]
+    latency = 1e3 * np.array([header["latency"] for header in with_target])
+    cells = [
+        f"p{p} {np.percentile(latency, p):.1f} (goal {goal})" for p, goal in LATENCY_GOALS.items()
+    ]
+    print(f"frame to box, ms: {', '.join(cells)}, maximum {latency.max():.1f}")
+    lost = sum(header["targets"][0]["lost"] for header in with_target)
     print(
-        f"{len(headers)} steps in {came[-1]:.0f} s ({len(headers) / came[-1]:.1f} a second), "
+        f"{len(headers)} steps in {arrivals[-1]:.0f} s "
+        f"({len(headers) / arrivals[-1]:.1f} per second), "
         f"{headers[-1]['dropped']} frames dropped, {headers[-1]['skipped']} steps not sent, "
         f"target lost in {lost}"
     )
-    gaps = 1e3 * np.diff(came)
+    gaps = 1e3 * np.diff(arrivals)
     print(
         f"between steps, ms: p50 {np.percentile(gaps, 50):.1f}, p99 {np.percentile(gaps, 99):.1f}"
     )
@@ -132,12 +139,12 @@ def report(headers: list[dict[str, Any]], came: list[float], memory: list[float]
     middle = (settled.max() + settled.min()) / 2
     print(
         f"memory {settled.min():.1f} to {settled.max():.1f} MB, "
-        f"+-{100 * (settled.max() - middle) / middle:.1f} % (limit 5)"
+        f"+-{100 * (settled.max() - middle) / middle:.1f} % (goal 5)"
     )
 
 
 def main() -> None:
-    """Serve, watch, print."""
+    """Serve, receive, and print the report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=5)
     parser.add_argument("--tracker")
@@ -149,7 +156,7 @@ def main() -> None:
         box = write_clip(clip, round(RATE * (seconds + 5)))
         with served(clip, arguments.tracker) as (address, process):
             if arguments.slow:
-                threading.Thread(target=dawdle, args=(address,), daemon=True).start()
+                threading.Thread(target=read_slowly, args=(address,), daemon=True).start()
             report(*watch(address, process, box, seconds))
 
 

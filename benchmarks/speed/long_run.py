@@ -1,9 +1,9 @@
-"""Time and memory per frame early and late in a long stream: they have to be the same.
+"""Time per frame and memory, early and late in a long stream; they should be equal.
 
     python benchmarks/speed/long_run.py [--frames 20000]
 
-Runs camera motion, steadying and a KCF tracker on a small picture that shakes without end, and
-compares the frames around 100 with the last ones.
+Runs camera motion, stabilization and a KCF tracker on a small, endlessly shaking image, and
+compares the frames from 100 on with the last ones.
 """
 
 from __future__ import annotations
@@ -16,32 +16,35 @@ import cv2
 import numpy as np
 
 import ssiam
-from ssiam.geometry import frame_centre, rigid
+from ssiam.geometry import Image, frame_centre, rigid
 
 SIZE = (160, 120)
-SPAN = 100  # frames that are compared
-POSES = 64  # of the camera, in turn
+SPAN = 100  # frames of each part that is compared
+POSES = 64  # of the camera, repeated
 
 
-def shaking_frames() -> list[np.ndarray]:
-    """One round of the shake."""
+def shaking_frames() -> list[Image]:
+    """A frame for each pose."""
     rng = np.random.default_rng(1)
     coarse = rng.integers(0, 256, (30, 40, 3)).astype(np.uint8)
-    picture = cv2.resize(coarse, SIZE, interpolation=cv2.INTER_CUBIC)
+    scene = cv2.resize(coarse, SIZE, interpolation=cv2.INTER_CUBIC)
     steps = rng.normal(0, (2, 1.5, 0.005), (POSES, 3))
     return [
-        cv2.warpAffine(
-            picture,
-            rigid(*step, frame_centre(SIZE))[:2],
-            SIZE,
-            borderMode=cv2.BORDER_REFLECT_101,
+        np.asarray(
+            cv2.warpAffine(
+                scene,
+                rigid(dx, dy, angle, frame_centre(SIZE))[:2],
+                SIZE,
+                borderMode=cv2.BORDER_REFLECT_101,
+            ),
+            np.uint8,
         )
-        for step in steps
+        for dx, dy, angle in steps
     ]
 
 
 def main() -> None:
-    """Print both spans and their ratio."""
+    """Print time and memory of both parts, and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=20_000)
     count = parser.parse_args().frames
@@ -49,16 +52,16 @@ def main() -> None:
     frames = shaking_frames()
     tracker = ssiam.load_tracker("kcf")
     tracker.init(frames[0], (60, 40, 40, 40))
-    took = np.empty(count)
+    seconds = np.empty(count)
     used = {}
     tracemalloc.start()
     for index in range(count):
         start = time.perf_counter()
         tracker.update(frames[(index + 1) % POSES])
-        took[index] = time.perf_counter() - start
+        seconds[index] = time.perf_counter() - start
         if index in (SPAN, count - 1):
             used[index] = tracemalloc.get_traced_memory()[0] / 1024
-    early, late = np.median(took[SPAN : 2 * SPAN]), np.median(took[-SPAN:])
+    early, late = np.median(seconds[SPAN : 2 * SPAN]), np.median(seconds[-SPAN:])
     print(f"frame {SPAN:6d}: {1e3 * early:.3f} ms, {used[SPAN]:.1f} KiB held by Python objects")
     print(f"frame {count:6d}: {1e3 * late:.3f} ms, {used[count - 1]:.1f} KiB")
     print(f"ratio: time {late / early:.2f}, memory {used[count - 1] / used[SPAN]:.3f}")

@@ -1,10 +1,10 @@
-"""How near the paper's networks come to what this CPU can calculate in float32.
+"""Throughput of the paper's networks as a share of this CPU's float32 throughput.
 
     python benchmarks/speed/network_limit.py [--frames N] [--threads N] [--trackers A,B]
 
-Counts the multiplications and additions of a search, and compares whole tracked frames (as
-benchmarks/speed/networks.py measures them) with a product of two large matrices on as many threads,
-before and after: nothing that calculates the same numbers can be much quicker than that.
+Counts the multiplications and additions of a search, and compares the time of complete tracker
+updates (as in benchmarks/speed/networks.py) with a product of two large matrices on as many
+threads, before and after. The matrix product is close to the maximum throughput.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ import argparse
 import sys
 import time
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from ssiam.errors import check_choice
 from ssiam.networks import NetworkName, build_network
 from ssiam.runtime import PUBLISHED
 from ssiam.trackers.loading import SiameseName
@@ -31,26 +33,26 @@ REPEATS = 8
 RUNTIMES = ["openvino f32", "onnxruntime f32"]
 
 
-def product_speed() -> float:
-    """Greatest 1e9 operations a second of a product of two matrices."""
+def matmul_speed() -> float:
+    """Maximum throughput of a product of two matrices, 1e9 operations per second."""
     left, right = torch.randn(2, SIDE, SIDE).unbind()
-    took = []
+    seconds = []
     for _ in range(REPEATS):
         start = time.perf_counter()
         left @ right
-        took.append(time.perf_counter() - start)
-    return 2e-9 * SIDE**3 / min(took)
+        seconds.append(time.perf_counter() - start)
+    return 2e-9 * SIDE**3 / min(seconds)
 
 
 def operations(name: SiameseName) -> float:
-    """1e9 operations of a search, its kernels at hand."""
-    wanted: NetworkName = PUBLISHED[name].network  # type: ignore[assignment]
-    network = build_network(wanted).eval()
+    """1e9 operations of a search, without those of the template."""
+    key: NetworkName = PUBLISHED[name].network  # type: ignore[assignment]
+    network = build_network(key).eval()
     with torch.no_grad():
         kernels = network.template(torch.zeros(network.template_shape))
         with FlopCounterMode(display=False) as counter:
             network.search(torch.zeros(network.search_shape), kernels)
-    return 1e-9 * counter.get_total_flops()
+    return float(1e-9 * counter.get_total_flops())
 
 
 def main() -> None:
@@ -61,18 +63,17 @@ def main() -> None:
     parser.add_argument("--trackers", default=",".join(TRACKERS))
     arguments = parser.parse_args()
     cv2.setNumThreads(arguments.threads)
-    print(
-        "| tracker | 1e9 operations | form | ms a frame | 1e9 operations a second | of a product |"
-    )
+    print("| tracker | 1e9 operations | form | ms per frame | 1e9 operations / s | of a product |")
     print("|---|---|---|---|---|---|")
-    for name in arguments.trackers.split(","):
+    for text in arguments.trackers.split(","):
+        name = check_choice("tracker", text, get_args(SiameseName))
         trackers = forms(name, RUNTIMES, arguments.threads)
-        torch.set_num_threads(arguments.threads)  # less are left by what makes the pieces
-        before = product_speed()
-        took = measure(trackers, arguments.frames)
-        fastest = float(np.mean([before, product_speed()]))
+        torch.set_num_threads(arguments.threads)  # exporting the pieces lowers it
+        before = matmul_speed()
+        milliseconds = measure(trackers, arguments.frames)
+        fastest = float(np.mean([before, matmul_speed()]))
         count = operations(name)
-        for form, ms in took.items():
+        for form, ms in milliseconds.items():
             speed = 1e3 * count / ms
             cells = f"{count:.1f} | {form} | {ms:.1f} | {speed:.0f} | {100 * speed / fastest:.0f} %"
             print(f"| {name} | {cells} |", flush=True)

@@ -1,11 +1,11 @@
-"""Memory of SiamRPN++ with ResNet-50 on OpenVINO: a whole process, one target and eight.
+"""Memory of SiamRPN++ with ResNet-50 on OpenVINO: the process with one target and with eight.
 
     python benchmarks/speed/network_memory.py [--tracker NAME] [--runtime NAME] [--frames N]
 
-Each figure is the greatest resident size of a process of its own that only loads the exported
-network and tracks. The weights, which are random, are exported in another one: on Linux a process
-inherits the greatest size of the one that starts it. The goals: below 900 MB with one target, and
-with eight below 1.3 times that.
+Each figure is the peak resident size of a separate process that only loads the exported network and
+tracks. The weights, which are random, are exported in another process, because on Linux a process
+inherits the peak size of its parent. The goals: below 900 MB with one target, and less than 1.3
+times as much with eight.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ SIZE = (640, 360)
 
 
 def track(name: str, weights: Path, runtime: str, targets: int, frames: int) -> None:
-    """Track targets in a picture of noise, and print the process's greatest size, MB."""
+    """Track targets in an image of noise, and print the peak size of the process in MB."""
     random = np.random.default_rng(0)
-    picture = random.integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+    image = random.integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
     group = ssiam.TrackerGroup(
         ssiam.load_tracker(name, weights=weights, runtime=runtime)  # type: ignore[arg-type]
     )
-    group.init(picture, [(40.0 + 60 * i, 100.0, 50.0, 60.0) for i in range(targets)])
+    group.init(image, [(40.0 + 60 * i, 100.0, 50.0, 60.0) for i in range(targets)])
     for _ in range(frames):
-        group.update(picture)
+        group.update(image)
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 def exported(name: str, folder: Path) -> Path:
-    """Random weights of the tracker's network, in the form that it is loaded from."""
+    """Export the tracker's network with random weights into a folder."""
     import torch
 
     from ssiam.networks import build_network
@@ -65,15 +65,16 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=5)
     parser.add_argument("--targets", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--weights", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.targets:
-        track(given.tracker, given.weights, given.runtime, given.targets, given.frames)
+    arguments = parser.parse_args()
+    name, runtime = arguments.tracker, arguments.runtime
+    if arguments.targets:
+        track(name, arguments.weights, runtime, arguments.targets, arguments.frames)
         return
-    print("| tracker | targets | greatest size, MB |\n|---|---|---|")
+    print("| tracker | targets | peak size, MB |\n|---|---|---|")
     sizes = []
     with TemporaryDirectory() as folder:
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            weights = pool.submit(exported, given.tracker, Path(folder)).result()
+            weights = pool.submit(exported, name, Path(folder)).result()
         for targets in TARGETS:
             more = ["--targets", str(targets), "--weights", str(weights)]
             command = [sys.executable, __file__, *sys.argv[1:], *more]
@@ -82,7 +83,7 @@ def main() -> None:
                 command, check=True, capture_output=True, text=True, env=environment
             )
             sizes.append(float(done.stdout))
-            print(f"| {given.tracker} | {targets} | {sizes[-1]:.0f} |", flush=True)
+            print(f"| {name} | {targets} | {sizes[-1]:.0f} |", flush=True)
     print(f"\nratio {sizes[-1] / sizes[0]:.2f}")
 
 
