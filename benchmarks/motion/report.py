@@ -44,8 +44,11 @@ class Score:
 
     def summary(self) -> dict[str, Any]:
         """Names, figures and failure, for a JSON file."""
-        fields = {key: value for key, value in vars(self).items() if key != "errors"}
-        fields["place"] = fields.pop("source")
+        fields = {
+            "place" if key == "source" else key: value
+            for key, value in vars(self).items()
+            if key != "errors"
+        }
         figures = vars(Pool([self]))
         known = {key: value for key, value in figures.items() if not math.isnan(value)}
         return known | fields
