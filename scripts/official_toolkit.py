@@ -4,8 +4,7 @@
 
 Makes an environment with vot-toolkit, or uses the one that is there; draws three short sequences
 with a shaking camera; lets the toolkit evaluate and analyse CSRT alone and on the steadied view
-through `ssiam trax`; and measures the regions that it stored with
-`ssiam.evaluation.measures.vot_toolkit`.
+through `ssiam trax`; and measures the regions that it stored with `measures.vot_toolkit`.
 Ends with 1 if a measure is further than .001 from the toolkit's.
 """
 
