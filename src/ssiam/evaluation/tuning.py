@@ -25,6 +25,14 @@ _NAME: Final = "ssiam"
 _PACKAGES: Final = ("optuna", "sqlalchemy")  # their exceptions become `TuningError`
 
 
+class TuningError(SsiamError):
+    """The search cannot continue: its file is damaged or of another search, or its runs failed."""
+
+
+class TrialError(TuningError, IncompleteError):
+    """Some runs of a trial failed; the results of the others are kept."""
+
+
 @dataclass(frozen=True)
 class Search:
     """A search: its data, trackers and parameters, and its folder.
@@ -162,14 +170,6 @@ def _finished(number: int, trial: Any) -> FinishedTrial:
     return FinishedTrial(
         number, paper_config(trial.params), attributes["lost"], attributes["overlap"]
     )
-
-
-class TuningError(SsiamError):
-    """The search cannot continue: its file is damaged or of another search, or its runs failed."""
-
-
-class TrialError(TuningError, IncompleteError):
-    """Some runs of a trial failed; the results of the others are kept."""
 
 
 def _open_study(path: Path, search: Mapping[str, Any]) -> Any:

@@ -30,6 +30,10 @@ _CODES = (Status.SKIPPED, Status.INITIALIZED, Status.FAILED)
 _MAX_BYTES = 64 * 2**20
 
 
+class ResultsError(SsiamError):
+    """Results are missing or damaged; the message names file and line."""
+
+
 def vot_path(
     results: Path, sequence: str, repetition: int = 1, experiment: Experiment = "baseline"
 ) -> Path:
@@ -195,10 +199,6 @@ def _timed(run: Trajectory, path: Path, column: int) -> Trajectory:
 
 def _formatted(values: NDArray[np.float64], decimals: int) -> str:
     return ",".join(f"{value:.{decimals}f}" for value in values)
-
-
-class ResultsError(SsiamError):
-    """Results are missing or damaged; the message names file and line."""
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, list[float]]]:
