@@ -3,7 +3,7 @@
     python benchmarks/accuracy/sequences.py [--as-published]
 
 Runs `ssiam track` on four real sequences and on a shaking clip, and prints the table of
-docs/benchmarks.md. Needs the folder of test data (see benchmarks/common/data.py).
+docs/explanation/benchmarks.md. Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
