@@ -4,8 +4,8 @@
 
 Creates an environment with vot-toolkit if there is none and renders three short sequences with a
 shaking camera. The toolkit evaluates and analyzes CSRT, without stabilization and on the
-stabilized view, through `ssiam trax`. `ssiam.evaluation.vot_toolkit` then measures the stored
-regions. The exit code is 1 if a measure differs by more than .001 from the toolkit's.
+stabilized view, through `ssiam trax`. `ssiam.evaluation.measures.vot_toolkit` then measures the
+stored regions. The exit code is 1 if a measure differs by more than .001 from the toolkit's.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ import cv2
 import numpy as np
 
 from ssiam.datasets import open_dataset
-from ssiam.evaluation import vot_toolkit
-from ssiam.evaluation.eao import Interval
-from ssiam.evaluation.tracked import read_results
+from ssiam.evaluation.measures import vot_toolkit
+from ssiam.evaluation.measures.eao import Interval
+from ssiam.evaluation.runs.result_files import read_results
 from ssiam.geometry import corners_from_xywh, frame_center, map_points, rigid
 
 PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail in supervised experiments

@@ -7,9 +7,9 @@ import pytest
 from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.datasets import Shake
-from ssiam.evaluation.layouts import read_vot, vot_path
-from ssiam.evaluation.shaken_results import read_shake
-from ssiam.evaluation.trajectory import Status
+from ssiam.evaluation.measures.trajectory import Status
+from ssiam.evaluation.runs.result_files import read_vot, vot_path
+from ssiam.evaluation.runs.shaken_results import read_shake
 
 FOLDERS = [f"shake-{kind}-0.02-seed{seed}" for kind in ("white", "gusts") for seed in (0, 1)]
 SHAKEN = ["--shake", "0,0.02", "--shake-kind", "white,gusts", "--shake-seeds", "2"]

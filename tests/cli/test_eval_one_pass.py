@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 
 from ssiam.cli import main
-from ssiam.evaluation.layouts import otb_path, vot_path, write_boxes, write_got10k, write_vot
-from ssiam.evaluation.trajectory import Trajectory
+from ssiam.evaluation.measures.trajectory import Trajectory
+from ssiam.evaluation.runs.result_files import (
+    otb_path,
+    vot_path,
+    write_boxes,
+    write_got10k,
+    write_vot,
+)
 
 
 def one_pass_folder(folder, layout, shift):
     """OTB ground-truth boxes, shifted by `shift` pixels, in one of the layouts."""
     boxes = np.tile([20.0 + shift, 10.0, 30.0, 40.0], (12, 1))
-    run = Trajectory.of_boxes(boxes)
+    run = Trajectory.from_regions(boxes)
     if layout == "otb":
         write_boxes(otb_path(folder, "clip"), run)
     elif layout == "bench":

@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.eval_runs import dataset, results, run
-from ssiam.evaluation.layouts import vot_path
+from ssiam.evaluation.runs.result_files import vot_path
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ REFUSED = [
     # name, arguments, words of the message
     ("no results", ("missing", "--dataset", "VOT2018.json"), "missing: there is no such folder"),
     ("an empty folder", ("empty", "--dataset", "VOT2018.json"), "empty: neither it nor a folder"),
-    ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: holds no results"),
-    ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: holds no results"),
+    ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: no results"),
+    ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: no results"),
     ("damaged", ("damaged", "--dataset", "VOT2018.json"), "bag_001.txt, line 2"),
     ("blank", ("blank", "--dataset", "VOT2018.json"), "bag_001.txt: is empty"),
     ("no start", ("no_start", "--dataset", "VOT2018.json"), "more failures (2) than starts"),

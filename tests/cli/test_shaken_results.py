@@ -8,9 +8,9 @@ import pytest
 from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.datasets import Shake, open_dataset, shaken
-from ssiam.evaluation.layouts import otb_path, vot_path, write_boxes, write_vot
-from ssiam.evaluation.shaken_results import write_shake
-from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.evaluation.measures.trajectory import Status, Trajectory
+from ssiam.evaluation.runs.result_files import otb_path, vot_path, write_boxes, write_vot
+from ssiam.evaluation.runs.shaken_results import write_shake
 
 
 def perfect(dataset, out, shake):
@@ -21,7 +21,7 @@ def perfect(dataset, out, shake):
         status[0] = Status.INITIALIZED
         regions = np.where(status[:, None] == Status.TRACKED, truth, np.nan)
         write_vot(vot_path(out / "perfect", name), Trajectory(status, regions))
-        write_boxes(otb_path(out / "perfect" / "ope", name), Trajectory.of_boxes(truth))
+        write_boxes(otb_path(out / "perfect" / "ope", name), Trajectory.from_regions(truth))
     write_shake(out, shake)
     return out
 

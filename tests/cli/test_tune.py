@@ -91,7 +91,7 @@ def test_failed_run_stops_the_trial_after_its_other_runs(tmp_path, capsys):
     words += ["--out", str(tmp_path / "out")]
     assert main(words) == 3
     error = capsys.readouterr().err
-    assert "1 of the 3 runs of a trial have no result" in error
+    assert "1 of the 3 runs of a trial failed" in error
     assert "kcf-paper on clip0" in error
     assert len(list((tmp_path / "out").rglob("*_001.txt"))) == 2
     broken.write_bytes(content)

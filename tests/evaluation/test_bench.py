@@ -1,4 +1,4 @@
-"""Benchmarks that are interrupted, run side by side, or on a cluster, come out the same."""
+"""Benchmark runs: same results after an interruption, in parallel and on a cluster."""
 
 import subprocess
 import sys
@@ -10,10 +10,11 @@ import pytest
 from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.bench import run_all, run_task, tasks
-from ssiam.evaluation.entries import Entry, entries
-from ssiam.evaluation.layouts import read_vot
-from ssiam.evaluation.trajectory import Status
+from ssiam.evaluation.measures.trajectory import Status
+from ssiam.evaluation.runs.bench import run_all, run_task, tasks
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.entries import entries as make_entries
+from ssiam.evaluation.runs.result_files import read_vot
 from ssiam.stabilize import StabilizerConfig
 
 KCF = [Entry("kcf", StabilizerConfig("off")), Entry("kcf", StabilizerConfig("paper"))]
@@ -24,13 +25,13 @@ def dataset(tmp_path_factory):
     return write_dataset(tmp_path_factory.mktemp("tiny"))
 
 
-def bench(dataset, out, competitors=KCF, protocol="vot", **how):
-    todo = tasks(competitors, open_dataset(dataset), dataset, out, protocol)
+def bench(dataset, out, entries=KCF, protocol="vot", **how):
+    todo = tasks(entries, open_dataset(dataset), dataset, out, protocol)
     return todo, list(run_all(todo, **how))
 
 
 def files(folder):
-    """Bytes of every official file by its name; times differ from run to run."""
+    """Contents of all result files by name, without times, which vary."""
     return {
         path.relative_to(folder): path.read_bytes()
         for path in sorted(folder.rglob("*.txt"))
@@ -39,32 +40,32 @@ def files(folder):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(dataset, tmp_path_factory):
-    out = tmp_path_factory.mktemp("undisturbed")
-    _, done = bench(dataset, out)
-    assert [run.failed for run in done] == [""] * 6
+def uninterrupted(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
+    _, results = bench(dataset, out)
+    assert [run.failed for run in results] == [""] * 6
     return files(out)
 
 
-def test_every_run_has_its_files(dataset, undisturbed):
-    names = {str(path) for path in undisturbed}
+def test_each_run_writes_a_file(dataset, uninterrupted):
+    names = {str(path) for path in uninterrupted}
     assert "kcf-off/baseline/clip0/clip0_001.txt" in names
     assert "kcf-paper/baseline/clip2/clip2_001.txt" in names
     assert len(names) == 6
 
 
-def test_what_is_told_is_what_is_written(dataset, tmp_path):
-    todo, done = bench(dataset, tmp_path)
-    for task, run in zip(todo, done, strict=True):
+def test_results_agree_with_the_files(dataset, tmp_path):
+    todo, results = bench(dataset, tmp_path)
+    for task, run in zip(todo, results, strict=True):
         trajectory = read_vot(task.path)
         assert run.lost == len(trajectory.failures)
         assert run.frames == (trajectory.status == Status.TRACKED).sum()
         assert 0 < run.overlap <= 1
         assert run.seconds > 0
-    assert any(run.lost for run in done)
+    assert any(run.lost for run in results)
 
 
-def test_what_is_done_is_not_done_again(dataset, tmp_path):
+def test_finished_runs_are_not_repeated(dataset, tmp_path):
     todo, first = bench(dataset, tmp_path)
     before = [task.path.stat().st_mtime_ns for task in todo]
     _, second = bench(dataset, tmp_path)
@@ -76,45 +77,45 @@ def test_what_is_done_is_not_done_again(dataset, tmp_path):
     )
 
 
-def test_side_by_side_is_the_same(dataset, tmp_path, undisturbed):
+def test_parallel_jobs_give_the_same_files(dataset, tmp_path, uninterrupted):
     bench(dataset, tmp_path, jobs=2)
-    assert files(tmp_path) == undisturbed
+    assert files(tmp_path) == uninterrupted
 
 
-def test_one_pass_writes_the_boxes_too(dataset, tmp_path):
+def test_one_pass_also_writes_box_files(dataset, tmp_path):
     bench(dataset, tmp_path, KCF[:1], "ope")
     lines = (tmp_path / "kcf-off" / "ope" / "clip0.txt").read_text().splitlines()
     assert len(lines) == 24
     assert [float(v) for v in lines[0].split(",")] == [21, 41, 28, 22]
 
 
-def test_a_sequence_that_cannot_be_read_stops_no_other(tmp_path):
+def test_an_unreadable_sequence_does_not_stop_the_others(tmp_path):
     folder = write_dataset(tmp_path / "data", sequences=2, frames=6)
-    (folder / "clip0" / "img" / "0003.jpg").write_bytes(b"no picture")
-    _, done = bench(folder, tmp_path / "out", KCF[:1])
-    assert "0003.jpg" in done[0].failed
-    assert done[1].failed == ""
+    (folder / "clip0" / "img" / "0003.jpg").write_bytes(b"not an image")
+    _, results = bench(folder, tmp_path / "out", KCF[:1])
+    assert "0003.jpg" in results[0].failed
+    assert results[1].failed == ""
     assert [str(path) for path in files(tmp_path / "out")] == [
         "kcf-off/baseline/clip1/clip1_001.txt"
     ]
 
 
-def test_labels_tell_what_was_changed():
+def test_labels_contain_changed_settings():
     config = StabilizerConfig("paper").with_options(keypoints="gftt", thx1=80.0)
     assert Entry("kcf", config).label == "kcf-paper-keypoints=gftt-thx1=80.0"
-    assert [entry.label for entry in entries(["mil"], ["off", "paper"], {})] == [
+    assert [entry.label for entry in make_entries(["mil"], ["off", "paper"], {})] == [
         "mil-off",
         "mil-paper",
     ]
     with pytest.raises(ArgumentError, match="unknown tracker 'magic'"):
-        entries(["magic"], ["off"], {})
+        make_entries(["magic"], ["off"], {})
 
 
 COMMAND = [sys.executable, "-m", "ssiam", "bench"]
 
 
-def test_killed_at_any_moment_it_goes_on_to_the_same_end(dataset, tmp_path, undisturbed):
-    """Twenty kills, each a random while after the start, and then to the end."""
+def test_resumes_with_the_same_files_after_kills(dataset, tmp_path, uninterrupted):
+    """Twenty kills, each at a random time after the start, then a complete run."""
     command = [*COMMAND, str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]
     command += ["--stabilize", "off,paper"]
     r = np.random.default_rng(4)
@@ -130,11 +131,11 @@ def test_killed_at_any_moment_it_goes_on_to_the_same_end(dataset, tmp_path, undi
             process.wait()
     assert finished < 20
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    assert files(tmp_path) == undisturbed
+    assert files(tmp_path) == uninterrupted
 
 
 def drop_one(out: Path, r: np.random.Generator) -> None:
-    """Make work for the next start."""
+    """Delete up to four result files, so that the next start has runs to do."""
     results = sorted(out.rglob("*_001.txt"))
     for index in r.permutation(len(results))[:4]:
         results[index].unlink()
@@ -142,7 +143,7 @@ def drop_one(out: Path, r: np.random.Generator) -> None:
 
 @pytest.fixture
 def cluster():
-    """A Dask scheduler and two workers, each a process of its own."""
+    """Address of a Dask scheduler with two workers, each in a separate process."""
     distributed = pytest.importorskip("distributed")
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
     scheduler = subprocess.Popen(
@@ -164,13 +165,13 @@ def cluster():
     scheduler.stderr.close()
 
 
-def test_a_cluster_gives_the_same(dataset, tmp_path, undisturbed, cluster):
-    _, done = bench(dataset, tmp_path, cluster=cluster)
-    assert [run.failed for run in done] == [""] * 6
-    assert files(tmp_path) == undisturbed
+def test_a_cluster_gives_the_same_files(dataset, tmp_path, uninterrupted, cluster):
+    _, results = bench(dataset, tmp_path, cluster=cluster)
+    assert [run.failed for run in results] == [""] * 6
+    assert files(tmp_path) == uninterrupted
 
 
-def test_a_task_tells_what_went_wrong_instead_of_raising(dataset, tmp_path):
+def test_a_task_returns_its_error_instead_of_raising(dataset, tmp_path):
     todo = tasks(
         [Entry("nanotrack_v3", StabilizerConfig("off"))], open_dataset(dataset), dataset, tmp_path
     )

@@ -1,17 +1,17 @@
-"""Paired comparisons: known differences, coverage of the interval, the same seed again."""
+"""Paired comparisons: known differences, width of the interval, seeds."""
 
 import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.compare import paired_difference
+from ssiam.evaluation.measures.compare import paired_difference
 
 
 def named(values):
     return {f"s{index}": float(value) for index, value in enumerate(values)}
 
 
-def test_a_constant_difference_has_no_width():
+def test_a_constant_difference_has_an_interval_of_width_0():
     rng = np.random.default_rng(0)
     values = rng.random(30)
     found = paired_difference(named(values + 0.25), named(values))
@@ -19,16 +19,16 @@ def test_a_constant_difference_has_no_width():
     assert (found.share_below_zero, found.sequences) == (0, 30)
 
 
-def test_swapping_the_two_turns_the_sign():
+def test_swapping_the_sets_changes_the_sign():
     rng = np.random.default_rng(1)
     a, b = named(rng.random(25)), named(rng.random(25))
-    there, back = paired_difference(a, b), paired_difference(b, a)
-    assert there.value == pytest.approx(-back.value)
-    assert (there.low, there.high) == pytest.approx((-back.high, -back.low))
-    assert there.share_below_zero == pytest.approx(1 - back.share_below_zero, abs=1e-3)
+    forward, backward = paired_difference(a, b), paired_difference(b, a)
+    assert forward.value == pytest.approx(-backward.value)
+    assert (forward.low, forward.high) == pytest.approx((-backward.high, -backward.low))
+    assert forward.share_below_zero == pytest.approx(1 - backward.share_below_zero, abs=1e-3)
 
 
-def test_the_interval_is_that_of_the_mean():
+def test_the_interval_is_the_standard_error_of_the_mean():
     values = np.random.default_rng(2).normal(0.1, 1, 400)
     found = paired_difference(named(values), named(np.zeros(400)))
     half = 1.96 * values.std() / 20
@@ -36,7 +36,7 @@ def test_the_interval_is_that_of_the_mean():
     assert found.high - found.low == pytest.approx(2 * half, rel=0.05)
 
 
-def test_sums_of_lost_targets():
+def test_sum_over_sequences():
     found = paired_difference(named([3, 1, 0, 2]), named([1, 1, 1, 1]), over="sum")
     assert found.value == 2
     assert found.low <= 2 <= found.high
@@ -49,18 +49,18 @@ def test_the_same_seed_gives_the_same_interval():
     assert paired_difference(a, b, seed=1) != paired_difference(a, b)
 
 
-def test_only_what_both_have_counts():
+def test_only_common_sequences_count():
     a = {"x": 1.0, "y": 2.0, "z": float("nan"), "mine": 9.0}
     found = paired_difference(a, {"x": 0.0, "y": 1.0, "z": 0.0, "theirs": 9.0})
     assert (found.value, found.sequences) == (1, 2)
 
 
 @pytest.mark.parametrize("other", [{}, {"b": 1.0}, {"a": float("nan")}])
-def test_nothing_in_common(other):
+def test_no_common_sequence(other):
     with pytest.raises(ArgumentError, match="no sequence in common"):
         paired_difference({"a": 1.0}, other)
 
 
-def test_an_unknown_comparison():
+def test_unknown_comparison():
     with pytest.raises(ArgumentError, match="mean, sum"):
         paired_difference({"a": 1.0}, {"a": 1.0}, over="median")

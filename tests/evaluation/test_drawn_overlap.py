@@ -1,15 +1,15 @@
-"""Overlaps are what a drawing of the pixels one by one gives."""
+"""Overlaps against masks that are drawn pixel by pixel."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
 from helpers.any_regions import BOUNDS, POLYGONS
-from ssiam.evaluation.overlap import toolkit_overlap, vot_overlap
+from ssiam.evaluation.measures.overlap import toolkit_overlap, vot_overlap
 
 
 def drawn(polygon, width, height, closed):
-    """The pixels of a polygon of whole numbers, row by row as the toolkits' pages tell it."""
+    """Mask of a polygon with integer corners, filled row by row as in the toolkits."""
     polygon = polygon.astype(np.float64)
     mask = np.zeros((height, width), bool)
     for row in range(height):
@@ -36,19 +36,19 @@ def away_from_zero(values):
 
 @settings(max_examples=150, deadline=None)
 @given(a=POLYGONS, b=POLYGONS)
-def test_pysot_is_what_drawing_gives(a, b):
+def test_vot_overlap_is_the_overlap_of_drawn_masks(a, b):
     sides = [polygon.reshape(4, 2).astype(np.float32) for polygon in (a, b)]
     low = [np.maximum(np.floor(p.min(axis=0)), 0) for p in sides]
     high = [np.minimum(np.ceil(p.max(axis=0)), BOUNDS) for p in sides]
     found = vot_overlap(a, b, BOUNDS)[0]
     if any((end <= start).any() for start, end in zip(low, high, strict=True)):
-        return  # nothing of one is in the picture; the golden numbers have such
+        return  # one is outside of the image; covered by the golden numbers
     both = np.minimum(*high) - np.maximum(*low)
     if both.prod() <= 0:
         assert found == 0
         return
     if both.max() < 0:
-        assert not found > 0  # 0, or nan where no pixel is drawn of either
+        assert not found > 0  # 0, or nan if neither covers a pixel
         return
     corner = np.minimum(*low)
     width, height = (np.maximum(*high) - corner).astype(int) + 1
@@ -62,7 +62,7 @@ def test_pysot_is_what_drawing_gives(a, b):
 
 @settings(max_examples=150, deadline=None)
 @given(a=POLYGONS, b=POLYGONS)
-def test_vot_toolkit_is_what_drawing_gives(a, b):
+def test_toolkit_overlap_is_the_overlap_of_drawn_masks(a, b):
     sides = [np.round(polygon.reshape(4, 2).astype(np.float32)) for polygon in (a, b)]
     low = np.maximum(np.min([p.min(axis=0) for p in sides], axis=0), 0)
     high = np.minimum(np.max([p.max(axis=0) for p in sides], axis=0), np.array(BOUNDS) - 1)

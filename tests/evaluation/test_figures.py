@@ -1,4 +1,4 @@
-"""Figures: what they are drawn from is right, and every one of them is a picture."""
+"""Figures: the data behind them, and the images."""
 
 import cv2
 import numpy as np
@@ -9,11 +9,10 @@ from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import generator, poses, seen, world
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import MissingExtraError
-from ssiam.evaluation.differing import Differing, most_differing
-from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.figures import figures
-from ssiam.evaluation.gathering import summarize
-from ssiam.evaluation.path_figure import camera_path
+from ssiam.evaluation.paper.figures import camera_path, figures
+from ssiam.evaluation.paper.qualitative import Example, largest_difference
+from ssiam.evaluation.paper.summary import summarize
+from ssiam.evaluation.runs.entries import Entry
 from ssiam.stabilize import StabilizerConfig
 
 PAPER = StabilizerConfig("paper")
@@ -27,20 +26,20 @@ def found(tmp_path_factory):
     return summarize(out, open_dataset(data))
 
 
-def picture(png):
+def decoded(png):
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_all_three_are_pictures(found):
+def test_all_three_figures_are_drawn(found):
     drawn, notes = figures(found)
     assert notes == []
     assert [each.name[:4] for each in drawn] == ["fig3", "fig4", "fig6"]
     for each in drawn:
-        assert picture(each.png).std() > 10
-        assert min(picture(each.png).shape[:2]) > 300
+        assert decoded(each.png).std() > 10
+        assert min(decoded(each.png).shape[:2]) > 300
 
 
-def test_the_path_is_the_known_one(tmp_path):
+def test_the_camera_path_of_a_known_motion(tmp_path):
     size = (320, 240)
     shifts = generator(5).normal(0, (3, 2, 0.004), (20, 3)).cumsum(axis=0)
     for index, pose in enumerate(poses(shifts, size)):
@@ -54,52 +53,52 @@ def test_the_path_is_the_known_one(tmp_path):
     assert np.abs(smooth - means)[:, :2].max() < 0.2
 
 
-def differing(off, steadied):
+def example(off, stabilized):
     truth = np.tile([10.0, 10, 20, 20], (len(off), 1))
     boxes = []
-    for overlaps in (off, steadied):
+    for overlaps in (off, stabilized):
         each = truth.copy()
-        each[:, 2] *= overlaps  # a narrower box, of just that overlap
+        each[:, 2] *= overlaps  # a narrower box with exactly this overlap
         each[np.asarray(overlaps) == 0] = np.nan
         boxes.append(each)
-    return Differing("kcf", None, False, truth, *boxes)
+    return Example("kcf", None, False, truth, *boxes)
 
 
-def test_frames_that_differ_most_come_in_order_and_apart():
-    steadied = np.full(90, 0.9)
-    steadied[[7, 8, 40, 41, 80]] = 0.1, 0.0, 0.2, 0.25, 0.8
-    found = differing(np.full(90, 0.9), steadied)
+def test_frames_with_the_largest_differences_are_sorted_and_apart():
+    stabilized = np.full(90, 0.9)
+    stabilized[[7, 8, 40, 41, 80]] = 0.1, 0.0, 0.2, 0.25, 0.8
+    found = example(np.full(90, 0.9), stabilized)
     assert found.frames == [8, 40, 80]
     assert found.overlaps[:, 8] == pytest.approx([0.9, 0])
 
 
-def test_where_nothing_differs_there_is_no_frame():
-    assert differing(np.full(9, 0.5), np.full(9, 0.5)).frames == []
+def test_no_frames_without_a_difference():
+    assert example(np.full(9, 0.5), np.full(9, 0.5)).frames == []
 
 
-def test_the_sequence_is_the_one_with_the_largest_difference_of_lost_targets(tmp_path):
+def test_the_example_has_the_largest_difference_of_lost_targets(tmp_path):
     data = write_vot_year(tmp_path / "VOT2018", {"one": 40, "two": 40})
     for label, loses in (("kcf-off", "two"), ("kcf-paper", "")):
         for name in ("one", "two"):
             codes = "i" + "." * 19 + ("x----i" if name == loses else "......") + "." * 14
             write_run(tmp_path / "out", label, name, codes)
     found = summarize(tmp_path / "out", open_dataset(data))
-    assert most_differing(found).sequence.name == "two"
+    assert largest_difference(found).sequence.name == "two"
 
 
-def test_without_frames_or_pairs_a_figure_is_left_out_with_a_line(tmp_path):
+def test_a_figure_without_frames_or_pairs_becomes_a_note(tmp_path):
     data = write_vot_year(tmp_path / "VOT2018", {"one": 120})
     write_run(tmp_path / "out", "kcf-off", "one", "i" + "." * 119)
     drawn, notes = figures(summarize(tmp_path / "out", open_dataset(data)))
     assert [each.name for each in drawn] == ["fig6-VOT2018"]
-    assert picture(drawn[0].png).std() > 5
+    assert decoded(drawn[0].png).std() > 5
     assert len(notes) == 2
     assert "no figure 3" in notes[0]
     assert "00000002.jpg" in notes[0]
     assert "no figure 4" in notes[1]
 
 
-def test_only_varied_numbers_leave_figure_6_out(tmp_path):
+def test_figure_6_needs_an_entry_with_default_settings(tmp_path):
     data = write_vot_year(tmp_path / "VOT2018", {"one": 20})
     write_run(tmp_path / "out", "kcf-paper-tha=0.5", "one", "i" + "." * 19)
     drawn, notes = figures(summarize(tmp_path / "out", open_dataset(data)))
@@ -107,7 +106,7 @@ def test_only_varied_numbers_leave_figure_6_out(tmp_path):
     assert "no figure 6" in notes[2]
 
 
-def test_without_matplotlib_the_extra_is_named(found, monkeypatch):
+def test_missing_matplotlib_names_the_extra(found, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"ssiam\[bench\]"):
         figures(found)

@@ -4,8 +4,8 @@ import pytest
 
 from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
-from ssiam.evaluation.bench import run_task, tasks
-from ssiam.evaluation.entries import Entry
+from ssiam.evaluation.runs.bench import run_task, tasks
+from ssiam.evaluation.runs.entries import Entry
 from ssiam.stabilize import StabilizerConfig
 
 KCF = Entry("kcf", StabilizerConfig("off"))

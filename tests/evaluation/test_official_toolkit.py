@@ -1,4 +1,4 @@
-"""Our figures beside those of the official vot-toolkit 0.7.4, run by an interpreter of its own.
+"""Measures against the official vot-toolkit 0.7.4, which runs in a separate interpreter.
 
 Skipped unless SSIAM_VOT_PYTHON names one:
 
@@ -6,8 +6,8 @@ Skipped unless SSIAM_VOT_PYTHON names one:
     vot-env/bin/pip install "vot-toolkit==0.7.4" "attributee==0.1.9" vot-trax
     SSIAM_VOT_PYTHON=vot-env/bin/python pytest tests/evaluation/test_official_toolkit.py
 
-Newer versions of the toolkit cannot run supervised experiments. It takes about two minutes, most
-of them for the toolkit's compiler.
+Newer versions of the toolkit cannot run supervised experiments. The test takes about two minutes,
+most of it for the compiler of the toolkit.
 """
 
 import json
@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 
 from ssiam.datasets import VideoSequence
-from ssiam.evaluation import vot_toolkit
-from ssiam.evaluation.eao import Interval
-from ssiam.evaluation.overlap import toolkit_overlap
-from ssiam.evaluation.tracked import read_results
+from ssiam.evaluation.measures import vot_toolkit
+from ssiam.evaluation.measures.eao import Interval
+from ssiam.evaluation.measures.overlap import toolkit_overlap
+from ssiam.evaluation.runs.result_files import read_results
 
-# Not resolved: the interpreter of a virtual environment is a link, and beside it lies `vot`.
+# Not resolved: the interpreter of a virtual environment is a link, and `vot` is next to the link.
 PYTHON = Path(os.environ.get("SSIAM_VOT_PYTHON", "")).absolute()
 
 pytestmark = pytest.mark.skipif(
@@ -61,7 +61,7 @@ def official(arguments, **options):
 
 
 def regions(rng, count):
-    """Pairs of all kinds: sub-pixel and whole, flat and empty, inside, outside and across."""
+    """Pairs of regions: subpixel and integer, flat and empty, inside, outside and crossing."""
     size = rng.choice([0.4, 3, 30], (count, 1))
     a = rng.normal(0, 1, (count, 8)) * size + np.tile(rng.uniform(-20, 90, (count, 2)), 4)
     b = a + rng.normal(0, 1, (count, 8)) * rng.choice([0, 0.5, 5, 50], (count, 1))
@@ -81,7 +81,7 @@ def test_overlaps_are_equal(tmp_path):
     )
 
 
-def test_scores_of_a_whole_workspace_are_equal(shared, tmp_path):
+def test_scores_of_a_workspace_are_equal(shared, tmp_path):
     maker = shared("bench/make_vot_workspace.py")
     official([PYTHON, maker, tmp_path, "--frames", "90", "--interpreter", PYTHON])
     vot = PYTHON.parent / "vot"

@@ -1,4 +1,4 @@
-"""Overlaps: what holds for every region, known cases, golden numbers."""
+"""Overlaps: properties, known cases, golden numbers."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from helpers.any_regions import BOUNDS, BOXES, POLYGONS
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.overlap import centre_distance, toolkit_overlap, vot_overlap
+from ssiam.evaluation.measures.overlap import center_distance, toolkit_overlap, vot_overlap
 from ssiam.geometry import iou
 
 NAN = np.nan
@@ -22,7 +22,7 @@ def corners(box):
 @BOTH
 @settings(max_examples=50, deadline=None)
 @given(box=BOXES)
-def test_a_region_overlaps_itself_wholly(overlap, box):
+def test_a_region_has_overlap_1_with_itself(overlap, box):
     assert overlap(box, box, BOUNDS) == 1
     assert overlap(corners(box), corners(box), BOUNDS) == 1
 
@@ -31,35 +31,35 @@ def test_a_region_overlaps_itself_wholly(overlap, box):
 @settings(max_examples=50, deadline=None)
 @given(a=POLYGONS, b=POLYGONS)
 def test_symmetric_and_between_0_and_1(overlap, a, b):
-    there, back = overlap(a, b, BOUNDS), overlap(b, a, BOUNDS)
-    np.testing.assert_array_equal(there, back)
-    assert np.isnan(there[0]) or 0 <= there[0] <= 1
+    forward, backward = overlap(a, b, BOUNDS), overlap(b, a, BOUNDS)
+    np.testing.assert_array_equal(forward, backward)
+    assert np.isnan(forward[0]) or 0 <= forward[0] <= 1
 
 
 @BOTH
 @settings(max_examples=50, deadline=None)
 @given(a=BOXES, b=BOXES, dx=st.integers(-4, 8), dy=st.integers(-4, 8))
-def test_whole_pixels_of_shift_change_nothing(overlap, a, b, dx, dy):
+def test_invariant_to_integer_shifts(overlap, a, b, dx, dy):
     wide = (200, 200)
-    # In 1/64 px, so that float32 holds the shifted numbers exactly. No corner ends in .5, which
-    # is rounded to even: that is no shift.
+    # Multiples of 1/128 px, exact in float32 after the shift. No corner ends in .5, which would be
+    # rounded to even.
     a, b = (np.round(box * 64) / 64 + [1 / 128, 1 / 128, 0, 0] for box in (a, b))
     shift = np.array([dx, dy] * 4) + 20
-    there = overlap(corners(a) + 20, corners(b) + 20, wide)
-    np.testing.assert_array_equal(overlap(corners(a) + shift, corners(b) + shift, wide), there)
+    expected = overlap(corners(a) + 20, corners(b) + 20, wide)
+    np.testing.assert_array_equal(overlap(corners(a) + shift, corners(b) + shift, wide), expected)
 
 
 PYSOT_CASES = [
     # name, region, truth, bounds, overlap
-    ("no region", [NAN] * 4, [1, 1, 9, 9], BOUNDS, NAN),
-    ("no truth", [1, 1, 9, 9], [NAN] * 4, BOUNDS, NAN),
+    ("missing region", [NAN] * 4, [1, 1, 9, 9], BOUNDS, NAN),
+    ("missing truth", [1, 1, 9, 9], [NAN] * 4, BOUNDS, NAN),
     ("apart", [0, 0, 5, 5], [20, 20, 5, 5], BOUNDS, 0),
     ("touching at a border", [0, 0, 5, 5], [5, 0, 5, 5], BOUNDS, 0),
     ("half, borders drawn", [0, 0, 9, 9], [5, 0, 9, 9], BOUNDS, 50 / 150),
-    ("outside of the picture", [70, 0, 5, 5], [70, 0, 5, 5], BOUNDS, 0),
-    ("beyond the border, cut", [60, 0, 20, 9], [60, 0, 3, 9], BOUNDS, 4 / 5),
+    ("outside of the image", [70, 0, 5, 5], [70, 0, 5, 5], BOUNDS, 0),
+    ("crossing the border, clipped", [60, 0, 20, 9], [60, 0, 3, 9], BOUNDS, 4 / 5),
     ("no bounds", [60, 0, 19, 9], [60, 0, 4, 9], None, 5 / 20),
-    ("a speck in a field", [0, 0, 60, 40], [3, 3, 1e-9, 1e-9], BOUNDS, 0),
+    ("tiny truth", [0, 0, 60, 40], [3, 3, 1e-9, 1e-9], BOUNDS, 0),
 ]
 
 
@@ -74,8 +74,8 @@ def test_pysot_cases(region, truth, bounds, expected):
 
 TOOLKIT_CASES = [
     # name, region, truth, overlap
-    ("nothing said", [NAN] * 4, [1, 1, 9, 9], 0),
-    ("nothing said of nothing", [NAN] * 4, [NAN] * 4, 1),
+    ("missing region", [NAN] * 4, [1, 1, 9, 9], 0),
+    ("both missing", [NAN] * 4, [NAN] * 4, 1),
     ("rectangle and polygon", [10, 10, 20, 20], [10, 10, 30, 10, 30, 30, 10, 30], 400 / 441),
     ("rectangles", [10, 10, 20, 20], [20, 10, 20, 20], 200 / 600),
     ("no height", [10, 10, 20, 0], [10, 10, 20, 20], 0),
@@ -106,7 +106,7 @@ def test_no_frames(overlap):
     assert overlap(np.zeros((0, 8)), np.zeros((0, 4)), BOUNDS).shape == (0,)
 
 
-def test_a_region_of_no_picture_is_refused():
+def test_a_region_larger_than_any_image_is_refused():
     with pytest.raises(ArgumentError, match="rows of pixels; give bounds"):
         vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 1e7, 1e7]])
     assert vot_overlap([[0, 0, 1e7, 1e7]], [[0, 0, 10, 10]], BOUNDS)[0] < 0.05
@@ -114,14 +114,14 @@ def test_a_region_of_no_picture_is_refused():
 
 @BOTH
 @pytest.mark.parametrize("far", [1e30, 1e300, -1e300])
-def test_numbers_far_from_any_picture(overlap, far):
+def test_coordinates_far_outside_of_any_image(overlap, far):
     with np.errstate(all="raise", under="ignore"):
         found = overlap([[-far, 0, far, far], [0, 0, far, 9]], [[0, 0, 10, 10]] * 2, BOUNDS)
     assert ((found >= 0) & (found <= 1)).all()
 
 
 @BOTH
-def test_half_a_polygon_is_no_region(overlap):
+def test_a_polygon_with_nan_is_not_a_region(overlap):
     broken = [[1, 1, 9, 1, NAN, 9, 1, 9]]
     np.testing.assert_array_equal(
         overlap(broken, [[1, 1, 8, 8]], BOUNDS), overlap([[NAN] * 8], [[1, 1, 8, 8]], BOUNDS)
@@ -131,9 +131,9 @@ def test_half_a_polygon_is_no_region(overlap):
 @BOTH
 @pytest.mark.parametrize(
     ("regions", "words"),
-    [(np.zeros((3, 4)), "3 regions for a truth of 2"), (np.zeros((2, 6)), "shape (2, 6)")],
+    [(np.zeros((3, 4)), "3 regions for 2 frames"), (np.zeros((2, 6)), "shape (2, 6)")],
 )
-def test_arrays_that_do_not_belong_together(overlap, regions, words):
+def test_arrays_of_wrong_shape_are_refused(overlap, regions, words):
     with pytest.raises(ArgumentError) as caught:
         overlap(regions, np.zeros((2, 4)), BOUNDS)
     assert words in str(caught.value)
@@ -155,7 +155,7 @@ def test_golden_numbers_of_pysot(shared, values, other, bounds):
 
 
 IOU_CASES = [
-    # name, box, other, iou, distance of the centres
+    # name, box, other, iou, distance of the centers
     ("same", [1, 2, 3, 4], [1, 2, 3, 4], 1, 0),
     ("half", [0, 0, 10, 10], [5, 0, 10, 10], 1 / 3, 5),
     ("apart", [0, 0, 1, 1], [30, 40, 1, 1], 0, 50),
@@ -172,4 +172,4 @@ IOU_CASES = [
 )
 def test_iou_and_distance(box, other, expected, distance):
     np.testing.assert_allclose(iou([box], [other]), [expected])
-    np.testing.assert_allclose(centre_distance([box], [other]), [distance])
+    np.testing.assert_allclose(center_distance([box], [other]), [distance])

@@ -1,4 +1,4 @@
-"""What is searched: read from text, tied as in Table 3, told as options of `ssiam track`."""
+"""Search parameters: parsing, ties of Table 3, options of `ssiam track`."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from ssiam.errors import ArgumentError
 from ssiam.evaluation.parameters import (
     TABLE_3,
     Parameter,
-    configured,
+    paper_config,
     paper_values,
     track_flags,
 )
@@ -43,26 +43,26 @@ def test_parameters_are_parsed(text, expected):
         ("keypoints=orb,magic", "magic"),
     ],
 )
-def test_what_is_no_parameter_is_told(text, named):
+def test_invalid_parameters_are_refused(text, named):
     with pytest.raises(ArgumentError, match=named):
         Parameter.parse(text)
 
 
-def test_thresholds_of_y_are_tied_unless_searched():
-    assert configured({"thx1": 80.0}) == StabilizerConfig("paper").with_options(
+def test_thresholds_of_y_follow_x_unless_given():
+    assert paper_config({"thx1": 80.0}) == StabilizerConfig("paper").with_options(
         thx1=80.0, thy1=40.0
     )
-    free = configured({"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
+    free = paper_config({"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
     assert (free.paper.thx1, free.paper.thy1, free.paper.tha) == (80, 9, 0.3)
 
 
-def test_the_papers_numbers_are_among_the_default_parameters():
+def test_the_default_ranges_include_the_papers_values():
     parameters = [Parameter.parse(text) for text in TABLE_3]
-    assert configured(paper_values(parameters)) == StabilizerConfig("paper")
+    assert paper_config(paper_values(parameters)) == StabilizerConfig("paper")
     assert paper_values([Parameter.parse("thx1=100:120")]) is None
 
 
-def test_flags_name_what_differs_from_the_paper():
+def test_flags_contain_changed_settings():
     assert track_flags(StabilizerConfig("paper")) == "--stabilize paper"
     config = StabilizerConfig("paper").with_options(keypoints="direct", thx1=80.0)
     assert track_flags(config) == "--stabilize paper --keypoints direct --thx1 80.0"

@@ -1,4 +1,4 @@
-"""Presets hold what the paper's tables compare, and labels can be read back."""
+"""Presets of the paper's tables, and parsing of labels."""
 
 from pathlib import Path
 
@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.gathering import parse_label
-from ssiam.evaluation.presets import PRESETS, preset
+from ssiam.evaluation.paper.presets import PRESETS, preset
+from ssiam.evaluation.paper.summary import parse_label
+from ssiam.evaluation.runs.entries import Entry
 from ssiam.motion import KEYPOINTS
 from ssiam.stabilize import METHODS, StabilizerConfig
 
@@ -19,12 +19,12 @@ PAPER = StabilizerConfig("paper")
 @pytest.mark.parametrize(
     ("name", "count"), [("table1", 2), ("table2", 7), ("table3", 8), ("table4", 2)]
 )
-def test_each_way_of_steadying_comes_once(name, count):
+def test_each_configuration_occurs_once(name, count):
     labels = [each.label for each in preset(name, ["kcf"], {}).entries]
     assert len(set(labels)) == len(labels) == count
 
 
-def test_table2_has_every_generator():
+def test_table2_has_all_generators():
     configs = [each.config for each in preset("table2", ["kcf"], {}).entries]
     assert configs[0].stabilize == "off"
     assert {each.keypoints for each in configs[1:]} == set(KEYPOINTS)
@@ -46,14 +46,14 @@ def test_table3_varies_one_threshold_at_a_time_and_keeps_the_ties():
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_trackers_at_hand_are_those_without_weights_and_those_with_given_ones(name):
+def test_default_trackers_need_no_weights_or_have_them(name):
     weights = {"nanotrack_v2": Path("two")}
     entries = preset(name, None, weights).entries
     assert {each.tracker for each in entries} == {"csrt", "kcf", "nanotrack_v2"}
     assert all(each.weights == weights.get(each.tracker) for each in entries)
 
 
-def test_what_is_missing_is_a_line_each():
+def test_one_line_for_each_missing_tracker_and_dataset():
     missing = preset("table1", ["kcf"], {}, ["vot-2018", "OTB100"]).missing
     assert [line.split(":")[0] for line in missing] == [
         "SiamFC",
@@ -68,17 +68,17 @@ def test_what_is_missing_is_a_line_each():
 @pytest.mark.parametrize(
     ("name", "datasets", "count"),
     [
-        pytest.param("table2", ["OTB100"], 4, id="no year of VOT"),
-        pytest.param("table2", ["VOT2019"], 3, id="any year will do"),
-        pytest.param("table4", ["VOT2019"], 4, id="another year than Table 4's"),
-        pytest.param("table4", None, 3, id="datasets not told"),
+        pytest.param("table2", ["OTB100"], 4, id="not a VOT dataset"),
+        pytest.param("table2", ["VOT2019"], 3, id="any year"),
+        pytest.param("table4", ["VOT2019"], 4, id="not the year of Table 4"),
+        pytest.param("table4", None, 3, id="datasets not given"),
     ],
 )
 def test_missing_data(name, datasets, count):
     assert len(preset(name, ["kcf"], {}, datasets).missing) == count
 
 
-def test_unknown_names_are_told():
+def test_unknown_names_are_refused():
     with pytest.raises(ArgumentError, match="table9"):
         preset("table9", None, {})
     with pytest.raises(ArgumentError, match="magic"):
@@ -99,12 +99,12 @@ configs = st.builds(
 
 @settings(deadline=None)
 @given(configs, st.sampled_from(("kcf", "nanotrack_v3")))
-def test_labels_are_read_back(config, tracker):
+def test_labels_round_trip(config, tracker):
     assert parse_label(Entry(tracker, config).label) == (tracker, config)
 
 
 @pytest.mark.parametrize(
     "label", ["model_SiamMask", "", "-off", "kcf-magic", "kcf-paper-thx1=x", "kcf-paper-what=1"]
 )
-def test_other_names_are_no_labels(label):
+def test_other_names_are_not_labels(label):
     assert parse_label(label) is None

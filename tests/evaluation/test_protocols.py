@@ -1,12 +1,12 @@
-"""Restarts, one pass, and the clock, with trackers whose answers are written down."""
+"""Protocols: restarts, one pass and real time, with scripted trackers."""
 
 import numpy as np
 import pytest
 
 from ssiam.datasets import VideoSequence
 from ssiam.errors import SourceError
-from ssiam.evaluation.protocols import Clocked, run
-from ssiam.evaluation.trajectory import Status
+from ssiam.evaluation.measures.trajectory import Status
+from ssiam.evaluation.runs.protocols import RealtimeTracker, run
 from ssiam.track import Track
 
 SIZE = (60, 80, 3)
@@ -16,7 +16,7 @@ S, B, F, T = Status.SKIPPED, Status.INITIALIZED, Status.FAILED, Status.TRACKED
 
 
 class Scripted:
-    """Answers AWAY in the frames that are told, else the target's place."""
+    """Returns AWAY in given frames, else the target's box."""
 
     def __init__(self, away=(), corners=None):
         self._away, self._corners = set(away), corners
@@ -31,7 +31,7 @@ class Scripted:
 
 
 class Numbered(VideoSequence):
-    """A sequence whose frames carry their number in their first pixel."""
+    """A sequence whose frames have their index in the first pixel."""
 
     def images(self, start=0):
         for number in range(start, len(self)):
@@ -46,7 +46,7 @@ def sequence(count=20, unknown=(), frames=None):
     return Numbered("numbers", tuple(range(frames or count)), truth)
 
 
-def test_a_failure_is_skipped_and_started_again_five_frames_later():
+def test_restart_five_frames_after_a_failure():
     tracker = Scripted(away=[4, 16])
     found = run(tracker, sequence())
     expected = [B, T, T, T, F, S, S, S, S, B, T, T, T, T, T, T, F, S, S, S]
@@ -57,13 +57,13 @@ def test_a_failure_is_skipped_and_started_again_five_frames_later():
     np.testing.assert_array_equal(found.regions[found.status == T][0], TARGET)
 
 
-def test_one_pass_goes_on_where_the_target_is_lost():
+def test_one_pass_continues_after_a_loss():
     found = run(Scripted(away=[4, 5]), sequence(), "ope")
     assert found.status.tolist() == [B] + [T] * 19
     np.testing.assert_array_equal(found.regions[4], AWAY)
 
 
-def test_frames_without_truth_neither_fail_nor_start():
+def test_frames_without_ground_truth_neither_fail_nor_start():
     tracker = Scripted(away=[3, 6, 7])
     found = run(tracker, sequence(14, unknown=[0, 6, 12]))
     assert found.status.tolist() == [S, B, T, F, S, S, S, S, B, T, T, T, T, T]
@@ -71,13 +71,13 @@ def test_frames_without_truth_neither_fail_nor_start():
     assert found.status.tolist() == [B, T, T, T, T, T, T, T]
 
 
-def test_rotated_boxes_are_kept_as_they_are():
+def test_rotated_boxes_are_stored_as_corners():
     corners = np.array([[20, 10], [32, 10], [32, 18], [20, 18.0]])
     found = run(Scripted(corners=corners), sequence(3))
     np.testing.assert_array_equal(found.regions[1], corners.ravel())
 
 
-def test_missing_frames_are_told():
+def test_missing_frames_are_an_error():
     class Short(Numbered):
         def images(self, start=0):
             yield from list(super().images(start))[:3]
@@ -86,57 +86,59 @@ def test_missing_frames_are_told():
         run(Scripted(), Short("numbers", tuple(range(5)), np.tile(TARGET, (5, 1))))
 
 
-def test_unknown_protocols_are_named():
+def test_unknown_protocol():
     with pytest.raises(ValueError, match=r"unknown protocol 'magic'.*realtime"):
         run(Scripted(), sequence(), "magic")
 
 
 class Slow:
-    """Takes a written number of seconds for each call, on a clock of its own."""
+    """Takes given seconds for each call, on its own simulated clock."""
 
-    def __init__(self, took):
+    def __init__(self, seconds):
         self.now = 0.0
-        self._took = list(took)
-        self.answered = 0
+        self._seconds = list(seconds)
+        self.updates = 0
 
     def clock(self):
         return self.now
 
     def init(self, frame, box):
-        self.now += self._took.pop(0)
+        self.now += self._seconds.pop(0)
 
     def update(self, frame):
-        self.now += self._took.pop(0)
-        self.answered += 1
-        return Track((float(self.answered), 0.0, 1.0, 1.0))
+        self.now += self._seconds.pop(0)
+        self.updates += 1
+        return Track((float(self.updates), 0.0, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    ("took", "expected"),
+    ("seconds", "expected"),
     {
         "in time": ([0.02] * 5, [1, 2, 3, 4]),
-        "slow while there is grace": ([0.2, 0.2, 0.2, 0.02, 0.02], [1, 2, 3, 4]),
-        "one slow frame costs the next ones": ([0.01] * 3 + [0.18] + [0.01] * 9, [1, 2, 3, 4, 5]),
+        "slow within the grace period": ([0.2, 0.2, 0.2, 0.02, 0.02], [1, 2, 3, 4]),
+        "one slow frame delays the next ones": ([0.01] * 3 + [0.18] + [0.01] * 9, [1, 2, 3, 4, 5]),
         "grace used up": ([0.06, 0.06, 0.06, 0.16, 0.01], [1, 2, 3, 3, 3, 4]),
     }.values(),
 )
-def test_the_clock_drops_frames(took, expected):
-    tracker = Slow(took)
-    clocked = Clocked(tracker, fps=20.0, grace=3, clock=tracker.clock)
-    clocked.init(None, (0.0, 0.0, 1.0, 1.0))
-    assert [clocked.update(None).box[0] for _ in expected] == expected
+def test_late_frames_repeat_the_last_result(seconds, expected):
+    tracker = Slow(seconds)
+    realtime = RealtimeTracker(tracker, fps=20.0, grace=3, clock=tracker.clock)
+    realtime.init(None, (0.0, 0.0, 1.0, 1.0))
+    assert [realtime.update(None).box[0] for _ in expected] == expected
 
 
-def test_a_tracker_that_is_always_late_misses_every_other_frame():
+def test_a_tracker_at_half_the_rate_misses_every_other_frame():
     tracker = Slow([0.1] * 40)
-    clocked = Clocked(tracker, fps=20.0, grace=0, clock=tracker.clock)
-    clocked.init(None, (0.0, 0.0, 1.0, 1.0))
+    realtime = RealtimeTracker(tracker, fps=20.0, grace=0, clock=tracker.clock)
+    realtime.init(None, (0.0, 0.0, 1.0, 1.0))
     for _ in range(40):
-        clocked.update(None)
-    assert 18 <= tracker.answered <= 22
+        realtime.update(None)
+    assert 18 <= tracker.updates <= 22
 
 
-def test_the_realtime_run_is_the_supervised_one_for_a_quick_tracker():
-    calm, clocked = (run(Scripted(away=[4]), sequence(), name) for name in ("vot", "realtime"))
-    np.testing.assert_array_equal(calm.status, clocked.status)
-    np.testing.assert_array_equal(calm.regions, clocked.regions)
+def test_a_fast_tracker_has_the_same_realtime_and_supervised_runs():
+    supervised, realtime = (
+        run(Scripted(away=[4]), sequence(), name) for name in ("vot", "realtime")
+    )
+    np.testing.assert_array_equal(supervised.status, realtime.status)
+    np.testing.assert_array_equal(supervised.regions, realtime.regions)

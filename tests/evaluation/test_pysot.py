@@ -1,4 +1,4 @@
-"""A, R and EAO under pysot's conventions: by hand, golden numbers, and the authors' raw results."""
+"""A, R and EAO by pysot's conventions: known cases, golden numbers, published raw results."""
 
 from dataclasses import astuple
 
@@ -8,25 +8,32 @@ import pytest
 from helpers.benchmark_runs import SIZE, golden_runs, square, tracked, trajectory
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError
-from ssiam.evaluation import pysot
-from ssiam.evaluation.eao import INTERVALS, Fragment, Interval, expected_overlap, interval_of
-from ssiam.evaluation.tracked import TrackedSequence, read_results
+from ssiam.evaluation.measures import pysot
+from ssiam.evaluation.measures.eao import (
+    INTERVALS,
+    Fragment,
+    Interval,
+    expected_overlap,
+    interval_of,
+)
+from ssiam.evaluation.measures.trajectory import TrackedSequence
+from ssiam.evaluation.runs.result_files import read_results
 
 SHORT = Interval(5, 15)
 
 
 def scores(*sequences, interval=SHORT, tag="all"):
-    return pysot.scores([pysot.measured(each) for each in sequences], interval, tag)
+    return pysot.scores([pysot.measure(each) for each in sequences], interval, tag)
 
 
-def test_the_truth_itself_is_perfect():
+def test_the_ground_truth_has_perfect_scores():
     found = scores(tracked("i" + 29 * "t"))
     assert (found.accuracy, found.robustness, found.eao) == (1, 0, 1)
     assert (found.lost, found.frames) == (0, 30)
 
 
 RUNS = [
-    # name, codes, lost, robustness, fragments' lengths and whether they failed
+    # name, codes, lost, robustness, length of each fragment and whether it failed
     ("never lost", "i" + 19 * "t", 0, 0, [(20, False)]),
     ("lost once", "ittttx----i" + 9 * "t", 1, 5, [(11, True), (10, False)]),
     ("lost in the last frames", "i" + 16 * "t" + "x--", 1, 5, [(20, False)]),
@@ -39,26 +46,26 @@ RUNS = [
     ("codes", "lost", "robustness", "lengths"),
     [pytest.param(*case[1:], id=case[0]) for case in RUNS],
 )
-def test_fragments_run_from_start_to_start(codes, lost, robustness, lengths):
+def test_fragments_extend_from_start_to_start(codes, lost, robustness, lengths):
     run = tracked(codes)
     found = scores(run)
     assert (found.lost, found.robustness, found.frames) == (lost, robustness, 20)
-    (one,) = pysot.measured(run).overlaps
+    (one,) = pysot.measure(run).overlaps
     fragments = list(pysot._fragments(one, np.ones(20, bool), 1.0))
     assert [(len(each.overlaps), each.failed) for each in fragments] == lengths
 
 
-def test_burn_in_and_lost_frames_do_not_count_for_accuracy():
+def test_accuracy_leaves_out_burn_in_and_lost_frames():
     codes = "i" + 14 * "t" + "x----i" + 12 * "t"
-    (one,) = pysot.measured(tracked(codes, shift=2)).overlaps
+    (one,) = pysot.measure(tracked(codes, shift=2)).overlaps
     assert np.flatnonzero(~np.isnan(one.accuracy)).tolist() == [10, 11, 12, 13, 14, 30, 31, 32]
     assert np.isnan(one.eao[[0, 15, 16, 19, 20]]).all()
 
 
 def test_accuracy_is_the_mean_over_frames_not_over_sequences():
-    good, bad = tracked("i" + 109 * "t", "good"), tracked("i" + 19 * "t", "bad", shift=10)
-    low = pysot.measured(bad).accuracy
-    assert scores(good, bad).accuracy == pytest.approx((100 + 10 * low) / 110)
+    exact, shifted = tracked("i" + 109 * "t", "exact"), tracked("i" + 19 * "t", "shifted", shift=10)
+    low = pysot.measure(shifted).accuracy
+    assert scores(exact, shifted).accuracy == pytest.approx((100 + 10 * low) / 110)
 
 
 def test_repetitions_count_as_one_run():
@@ -75,33 +82,33 @@ def test_repetitions_that_differ_are_averaged():
     assert (found.lost, found.robustness, found.frames) == (0.5, pytest.approx(50 / 30), 30)
 
 
-def test_a_tag_takes_the_frames_that_carry_it():
+def test_a_tag_selects_its_frames():
     tags = {"camera_motion": np.arange(40) < 20, "occlusion": np.zeros(40, bool)}
     run = tracked("i" + 14 * "t" + "x----i" + 19 * "t", shift=2, tags=tags)
     moving, hidden, unknown = (
         scores(run, tag=tag) for tag in ("camera_motion", "occlusion", "rain")
     )
     assert (moving.lost, moving.frames, moving.robustness) == (1, 20, 5)
-    # The fragment that failed has all of the tagged frames, and counts for more.
+    # All tagged frames are in the failed fragment, which therefore has more weight.
     late = Interval(20, 20)
     assert scores(run, interval=late, tag="camera_motion").eao < scores(run, interval=late).eao
     assert hidden.frames == unknown.frames == 0
     assert np.isnan([hidden.accuracy, hidden.robustness, hidden.eao]).all()
 
 
-def test_short_files_are_measured_as_far_as_they_go():
+def test_a_short_run_is_measured_over_its_frames():
     found = scores(tracked("i" + 24 * "t", length=40))
     assert (found.frames, found.accuracy) == (25, 1)
 
 
-def test_too_short_for_the_interval():
+def test_eao_is_nan_if_no_run_is_long_enough():
     assert np.isnan(scores(tracked("itttt"), interval=Interval(10, 20)).eao)
 
 
-def test_the_size_of_the_frames_must_be_known():
+def test_the_frame_size_is_required():
     sequence = VideoSequence("bag", (), square(5))
-    with pytest.raises(ArgumentError, match="bag: the dataset does not tell the size"):
-        pysot.measured(TrackedSequence(sequence, (trajectory("itttt", square(5)),)))
+    with pytest.raises(ArgumentError, match="bag: the dataset does not give the frame size"):
+        pysot.measure(TrackedSequence(sequence, (trajectory("itttt", square(5)),)))
 
 
 def test_the_curve_of_two_fragments():
@@ -129,7 +136,7 @@ def test_the_interval_of_a_year(name, year, interval):
 
 
 @pytest.mark.parametrize(("name", "year"), [("OTB100", None), ("VOT2021", None), ("VOT2018", 2012)])
-def test_a_year_that_cannot_be_told_is_asked_for(name, year):
+def test_unknown_years_are_refused(name, year):
     with pytest.raises(ArgumentError, match="give --year") as caught:
         interval_of(name, year)
     assert str(year or name)[-4:] in str(caught.value)
@@ -138,7 +145,7 @@ def test_a_year_that_cannot_be_told_is_asked_for(name, year):
 def test_golden_overlaps(shared):
     data = np.load(shared("golden/vot_eval.npz"))
     for run in golden_runs(data):
-        (one,) = pysot.measured(run).overlaps
+        (one,) = pysot.measure(run).overlaps
         for found, key in ((one.accuracy, "burnin10"), (one.eao, "eao")):
             np.testing.assert_allclose(found, data[f"{run.name}_overlaps_{key}"], atol=1e-6)
 
@@ -152,7 +159,7 @@ def test_golden_scores(shared, year):
 
 
 PUBLISHED = [
-    # folder, A, R, EAO, lost: the table of SiamMask_E's authors, VOT2018
+    # folder, A, R, EAO, lost: the authors' table of SiamMask_E, VOT2018
     ("model_SiamRPN", 0.601, 0.234, 0.4154, 50),
     ("model_SiamMask", 0.598, 0.248, 0.4063, 53),
     ("model_SiamMask_E", 0.627, 0.248, 0.4266, 53),
@@ -171,7 +178,7 @@ def vot2018():
 
 
 @pytest.mark.parametrize(("folder", "accuracy", "robustness", "eao", "lost"), PUBLISHED)
-def test_published_figures_of_raw_results(shared, vot2018, folder, accuracy, robustness, eao, lost):
+def test_published_scores_of_raw_results(shared, vot2018, folder, accuracy, robustness, eao, lost):
     results = read_results(shared(f"data/vot/results/VOT2018/{folder}"), vot2018)
     assert results.notes == ()
     found = scores(*results.tracked, interval=INTERVALS[2018])

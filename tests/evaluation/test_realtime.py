@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ssiam.datasets import VideoSequence
-from ssiam.evaluation import protocols
-from ssiam.evaluation.protocols import Clocked, run
+from ssiam.evaluation.runs import protocols
+from ssiam.evaluation.runs.protocols import RealtimeTracker, run
 from ssiam.track import Track
 
 COUNT = 12
@@ -44,7 +44,9 @@ def tracked_frames(monkeypatch, seconds):
     """Indices of the frames that the tracker was given by `run`, the first one excluded."""
     tracker = Timed(seconds)
     monkeypatch.setattr(
-        protocols, "Clocked", lambda inner, fps, grace: Clocked(inner, fps, grace, tracker.clock)
+        protocols,
+        "RealtimeTracker",
+        lambda inner, fps, grace: RealtimeTracker(inner, fps, grace, tracker.clock),
     )
     truth = np.tile((20.0, 10.0, 12.0, 8.0), (COUNT, 1))
     run(tracker, Numbered("numbers", tuple(range(COUNT)), truth), "realtime")

@@ -1,10 +1,10 @@
-"""Success, precision, AO and SR: perfect and hopeless runs, counted by hand, gaps in both."""
+"""Success, precision, AO and SR: known cases, missing boxes, missing ground truth."""
 
 import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.success import (
+from ssiam.evaluation.measures.success import (
     THRESHOLDS,
     average_overlap,
     got10k_overlaps,
@@ -20,20 +20,20 @@ def shifted(dx, dy=0.0):
     return TRUTH + np.array([dx, dy, 0, 0])
 
 
-def test_the_truth_itself():
+def test_the_ground_truth():
     found = success(TRUTH, TRUTH)
-    # "Above 1" is never reached, so that 20 of 21 thresholds are passed.
+    # No overlap is above 1, so 20 of 21 thresholds are passed.
     assert found.auc == pytest.approx(20 / 21)
-    assert (found.precision, found.normalised_precision) == (1, 1)
+    assert (found.precision, found.normalized_precision) == (1, 1)
     assert len(THRESHOLDS) == len(found.curve) == 21
 
 
 CASES = [
     # name, boxes, overlap, precision at 20 px, at .2 of the size
-    ("8 px aside", shifted(8), 32 / 48, 1, 1),
-    ("9 px aside", shifted(9), 31 / 49, 1, 0),
-    ("20 px aside", shifted(20), 20 / 60, 1, 0),
-    ("21 px aside", shifted(21), 19 / 61, 0, 0),
+    ("8 px away", shifted(8), 32 / 48, 1, 1),
+    ("9 px away", shifted(9), 31 / 49, 1, 0),
+    ("20 px away", shifted(20), 20 / 60, 1, 0),
+    ("21 px away", shifted(21), 19 / 61, 0, 0),
     ("lost", shifted(500), 0, 0, 0),
     ("unknown", np.full((10, 4), NAN), -1, 0, 0),
     ("no area", TRUTH * (1, 1, 0, 0), 0, 0, 0),
@@ -41,18 +41,18 @@ CASES = [
 
 
 @pytest.mark.parametrize(
-    ("boxes", "overlap", "precision", "normalised"),
+    ("boxes", "overlap", "precision", "normalized"),
     [pytest.param(*case[1:], id=case[0]) for case in CASES],
 )
-def test_measures_of_one_place(boxes, overlap, precision, normalised):
+def test_measures_of_a_constant_offset(boxes, overlap, precision, normalized):
     found = success(boxes, TRUTH)
     np.testing.assert_array_equal(found.curve, (overlap > THRESHOLDS).astype(float))
-    assert found.normalised_precision == normalised
+    assert found.normalized_precision == normalized
     if not np.array_equal(boxes[:, 2:], TRUTH[:, 2:] * 0):
         assert found.precision == precision
 
 
-def test_frames_without_truth_do_not_count_and_boxes_that_lack_do():
+def test_missing_ground_truth_does_not_count_and_missing_boxes_do():
     truth, boxes = TRUTH.copy(), TRUTH.copy()
     truth[:2], truth[2, 2:] = NAN, 0
     boxes[6:] = NAN
@@ -61,18 +61,18 @@ def test_frames_without_truth_do_not_count_and_boxes_that_lack_do():
     assert found.auc == pytest.approx(20 / 21 * 3 / 7)
 
 
-def test_sequences_count_alike_and_empty_ones_not():
-    nothing = success(TRUTH, np.full((10, 4), NAN))
-    assert np.isnan(nothing.auc)
-    found = mean_success([success(TRUTH, TRUTH), success(shifted(500)[:2], TRUTH[:2]), nothing])
+def test_the_mean_weights_sequences_equally_without_empty_ones():
+    empty = success(TRUTH, np.full((10, 4), NAN))
+    assert np.isnan(empty.auc)
+    found = mean_success([success(TRUTH, TRUTH), success(shifted(500)[:2], TRUTH[:2]), empty])
     assert found.precision == 0.5
     assert found.auc == pytest.approx(10 / 21)
-    assert np.isnan(mean_success([nothing]).precision)
+    assert np.isnan(mean_success([empty]).precision)
     assert np.isnan(mean_success([]).auc)
 
 
 @pytest.mark.parametrize("boxes", [TRUTH[:5], np.zeros((10, 8)), np.zeros(4)])
-def test_as_many_boxes_as_frames(boxes):
+def test_wrong_shapes_are_refused(boxes):
     with pytest.raises(ArgumentError, match="both must be"):
         success(boxes, TRUTH)
 
@@ -93,7 +93,7 @@ def test_got10k_clips_to_the_frame():
     np.testing.assert_array_equal(boxes[1], [90, 0, 500, 10])
 
 
-def test_ao_and_sr_pool_all_frames():
+def test_ao_and_sr_are_over_all_frames():
     found = average_overlap([np.array([1.0, 0.75, 0.5]), np.array([0.6]), np.zeros(0)])
     assert found.ao == pytest.approx(2.85 / 4)
     assert (found.sr50, found.sr75) == (0.75, 0.25)

@@ -1,4 +1,4 @@
-"""Tables say what the measures say, and name what is missing."""
+"""Tables: cells against the measures, and notes on missing results."""
 
 import re
 
@@ -8,16 +8,21 @@ import pytest
 from helpers.benched import bench, write_run, write_vot_year
 from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
-from ssiam.evaluation.eao import INTERVALS, known_year
-from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.gathering import summarize
-from ssiam.evaluation.layouts import otb_path, read_boxes, read_vot, vot_path
-from ssiam.evaluation.lines import ResultsError
-from ssiam.evaluation.published import ORIGINAL_LOST, ROWS
-from ssiam.evaluation.report import report
-from ssiam.evaluation.success import success
-from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
-from ssiam.evaluation.tracked import read_results
+from ssiam.evaluation.measures.eao import INTERVALS, known_year
+from ssiam.evaluation.measures.success import success
+from ssiam.evaluation.paper.published import ORIGINAL_LOST, ROWS
+from ssiam.evaluation.paper.summary import summarize
+from ssiam.evaluation.paper.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.reports import report
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.result_files import (
+    ResultsError,
+    otb_path,
+    read_boxes,
+    read_results,
+    read_vot,
+    vot_path,
+)
 from ssiam.stabilize import StabilizerConfig
 
 OFF, PAPER = (Entry("kcf", StabilizerConfig(method)) for method in ("off", "paper"))
@@ -27,13 +32,13 @@ GFTT = Entry("kcf", StabilizerConfig("paper", keypoints="gftt"))
 
 @pytest.fixture(scope="module")
 def benched(tmp_path_factory):
-    """A dataset, its results, and what the benchmark told of the supervised runs."""
+    """A dataset, its results folder, and the `TaskResult` of each supervised run."""
     data = write_dataset(tmp_path_factory.mktemp("tiny"))
     out = tmp_path_factory.mktemp("out")
-    competitors = [OFF, PAPER, WIDE, GFTT]
-    bench(data, out, competitors)
+    entries = [OFF, PAPER, WIDE, GFTT]
+    bench(data, out, entries)
     bench(data, out, [OFF, PAPER], "ope")
-    return data, out, bench(data, out, competitors)
+    return data, out, bench(data, out, entries)
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +54,9 @@ def row_of(table, *start):
 
 @pytest.mark.parametrize("entry", [OFF, PAPER], ids=["off", "paper"])
 def test_cells_are_the_measures(benched, found, entry):
-    data, out, told = benched
+    data, out, results = benched
     cells = row_of(table1(found), "kcf", entry.config.stabilize)
-    runs = [each for each in told if each.label == entry.label]
+    runs = [each for each in results if each.label == entry.label]
     assert cells["lost"] == str(sum(each.lost for each in runs))
     assert cells["overlap"] == f"{np.mean([each.overlap for each in runs]):.3f}"
     curves = [
@@ -64,7 +69,7 @@ def test_cells_are_the_measures(benched, found, entry):
     assert cells["fps"] == f"{(seconds > 0).sum() / seconds.sum():.0f}"
 
 
-def test_tables_2_and_3_hold_what_was_run_and_name_the_rest(found):
+def test_tables_2_and_3_list_runs_and_note_missing_ones(found):
     generators, thresholds = table2(found), table3(found)
     assert [row[1] for row in generators.rows] == ["off", "orb", "gftt"]
     assert "harris, brisk, mser, direct" in generators.notes[-1]
@@ -79,7 +84,7 @@ def test_tables_2_and_3_hold_what_was_run_and_name_the_rest(found):
     assert wide["paper"] == ""
 
 
-def test_table_4_counts_by_sequence(benched, found):
+def test_table_4_counts_lost_targets_by_sequence(benched, found):
     _, out, _ = benched
     table = table4(found)
     assert table.head == ("sequence", "kcf-off", "kcf-paper")
@@ -92,7 +97,7 @@ def test_table_4_counts_by_sequence(benched, found):
     assert table.rows[-1] == ("all sequences", *map(str, total))
 
 
-def test_runs_of_either_kind_that_are_missing_are_named(benched, found, tmp_path):
+def test_missing_protocols_are_noted(benched, found, tmp_path):
     data, _, _ = benched
     assert f"{data.name}: no one-pass runs of {GFTT.label}, {WIDE.label}" in found.notes[0]
     bench(data, tmp_path, [OFF], "ope")
@@ -108,7 +113,7 @@ def test_runs_of_either_kind_that_are_missing_are_named(benched, found, tmp_path
 
 @pytest.fixture
 def vot(tmp_path):
-    """A year of VOT, with runs of a tracker of this package and of another program."""
+    """A VOT dataset, with results of a tracker of this package and of another program."""
     data = write_vot_year(tmp_path / "VOT2018", {"girl": 130, "road": 120})
     out = tmp_path / "results"
     for label, shift in (("nanotrack_v3-off", 6.0), ("nanotrack_v3-paper", 2.0), ("other", 0.0)):
@@ -117,7 +122,7 @@ def vot(tmp_path):
     return data, out
 
 
-def test_a_year_of_vot_has_pysots_scores_and_the_published_ones_beside(vot):
+def test_table_1_of_a_vot_year_has_measured_and_published_scores(vot):
     data, out = vot
     dataset = open_dataset(data)
     found = summarize(out, dataset)
@@ -134,9 +139,13 @@ def test_a_year_of_vot_has_pysots_scores_and_the_published_ones_beside(vot):
         ]
     assert row_of(table, "nanotrack_v3", "off")["their EAO"] == "0.449"
     assert row_of(table, "nanotrack_v3", "paper")["source"] == ""
-    theirs = row_of(table, "S-SiamMask_E")
-    assert (theirs["their EAO"], theirs["their lost"], theirs["their fps"]) == ("0.449", "52", "33")
-    assert theirs["their A"] == theirs["A"] == theirs["lost"] == ""
+    published = row_of(table, "S-SiamMask_E")
+    assert (published["their EAO"], published["their lost"], published["their fps"]) == (
+        "0.449",
+        "52",
+        "33",
+    )
+    assert published["their A"] == published["A"] == published["lost"] == ""
 
 
 def test_table_4_of_2018_has_the_papers_counts(vot):
@@ -146,7 +155,7 @@ def test_table_4_of_2018_has_the_papers_counts(vot):
     assert "road" not in [row[0] for row in table.rows]
 
 
-def test_the_papers_lost_targets_agree_with_its_robustness():
+def test_published_lost_targets_agree_with_robustness():
     frames = {2016: 21455, 2018: 21356, 2019: 19935}
     both = [each for each in ROWS if None not in (each.robustness, each.lost)]
     assert len(both) > 10
@@ -154,7 +163,7 @@ def test_the_papers_lost_targets_agree_with_its_robustness():
         assert each.robustness == pytest.approx(100 * each.lost / frames[each.year], abs=6e-4)
 
 
-def test_the_papers_own_table_is_of_the_years_that_are_wanted():
+def test_the_published_table_has_the_given_years():
     assert {row[0] for row in published_table({2016, 2019}).rows} == {"VOT2016", "VOT2019"}
     assert published_table(set()).rows == []
 
@@ -167,24 +176,24 @@ def test_years(name, year):
     assert known_year(name) == year
 
 
-def test_what_is_missing_or_damaged_is_named_and_the_rest_is_shown(vot):
+def test_missing_and_damaged_results_are_noted_and_left_out(vot):
     data, out = vot
     vot_path(out / "nanotrack_v3-off", "road").unlink()
     vot_path(out / "nanotrack_v3-paper", "girl").write_text("1\n1,2,three\n")
     (out / "empty" / "baseline").mkdir(parents=True)
     (out / "unrelated").mkdir()
     found = summarize(out, open_dataset(data))
-    told = "\n".join(found.notes)
-    assert "nanotrack_v3-off: no baseline results of 1 of 2 sequences: road" in told
-    assert re.search(r"girl_001.txt, line 2.*left out", told)
-    assert "no times of" in told
+    notes = "\n".join(found.notes)
+    assert "nanotrack_v3-off: no baseline results of 1 of 2 sequences: road" in notes
+    assert re.search(r"girl_001.txt, line 2.*left out", notes)
+    assert "no times of" in notes
     lost = {each.label: dict(each.lost) for each in found.entries}
     assert lost["nanotrack_v3-off"] == {"girl": 1}
     assert lost["nanotrack_v3-paper"] == {"road": 0}
     assert "empty" not in lost
 
 
-def test_frames_of_unknown_size_leave_the_lost_targets(vot):
+def test_without_frame_size_only_lost_targets_are_counted(vot):
     data, out = vot
     (data / "road" / "00000001.jpg").write_bytes(b"")
     found = summarize(out, open_dataset(data))

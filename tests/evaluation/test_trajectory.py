@@ -1,11 +1,11 @@
-"""Trajectories: their shapes, starts and first frames."""
+"""Trajectories: shapes, burn-in and cutting."""
 
 import numpy as np
 import pytest
 
 from helpers.benchmark_runs import square, trajectory
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.trajectory import Trajectory
+from ssiam.evaluation.measures.trajectory import Trajectory
 
 SHAPES = [
     # name, statuses, regions, words of the message
@@ -24,12 +24,12 @@ def test_shapes_are_checked(status, regions, words):
     assert words in str(caught.value)
 
 
-def test_burn_in_follows_every_start():
+def test_burn_in_after_each_start():
     run = trajectory("ittttx--itt", square(11))
-    assert np.flatnonzero(run.burning_in(4)).tolist() == [0, 1, 2, 3, 8, 9, 10]
+    assert np.flatnonzero(run.burn_in(4)).tolist() == [0, 1, 2, 3, 8, 9, 10]
 
 
-def test_the_first_frames():
-    run = Trajectory.of_boxes(square(5), seconds=np.arange(5.0))
+def test_first_frames():
+    run = Trajectory.from_regions(square(5), seconds=np.arange(5.0))
     assert run.first(2).seconds.tolist() == [0, 1]
     assert len(run.first(9)) == 5

@@ -1,16 +1,16 @@
-"""The start box and the answer: nothing is lost on the way there and back."""
+"""Regions of the TraX protocol: start boxes and reported regions."""
 
 import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.overlap import toolkit_overlap
+from ssiam.evaluation.measures.overlap import toolkit_overlap
 from ssiam.geometry import map_points, rigid
 from ssiam.track import Track
 
 trax = pytest.importorskip("trax")
 
-from ssiam.evaluation.trax_regions import answer, start_box  # noqa: E402
+from ssiam.evaluation.vot.trax import _box_from_region, _region_from_track  # noqa: E402
 
 SIZE = (320, 240)
 
@@ -42,39 +42,39 @@ def overlap(region, truth):
         pytest.param(trax.Rectangle.create(60.3, 50.8, 20.4, 13.7), id="rectangle between pixels"),
     ],
 )
-def test_a_tracker_that_returns_the_truth_has_the_whole_overlap(truth):
-    found = answer(Track(start_box(truth)), truth)
+def test_the_true_box_has_overlap_1(truth):
+    found = _region_from_track(Track(_box_from_region(truth)), truth)
     assert found.type == truth.type
     assert overlap(found, truth) == 1
 
 
-def test_no_other_convention_is_better_on_turned_targets():
+def test_no_other_convention_is_better_on_rotated_targets():
     gained = []
     for angle in np.linspace(-0.7, 0.7, 60):
         truth = polygon(map_points(rigid(150 + angle, 120, angle), upright(-30, -18, 60, 36)))
-        x, y, w, h = start_box(truth)
-        ours = overlap(answer(Track((x, y, w, h)), truth), truth)
+        x, y, w, h = _box_from_region(truth)
+        ours = overlap(_region_from_track(Track((x, y, w, h)), truth), truth)
         others = trax.Rectangle.create(x, y, w, h), polygon(upright(x, y, w, h))
         gained.append([ours - overlap(other, truth) for other in others])
     assert (np.mean(gained, axis=0) > 0).all()
 
 
-def test_a_mask_tracker_answers_with_its_rotated_box():
+def test_rotated_boxes_are_reported_as_polygons():
     corners = map_points(rigid(150, 120, 0.4), upright(-30, -18, 60, 36))
     for start in (trax.Rectangle.create(1, 2, 3, 4), polygon(upright(1, 2, 3, 4))):
-        found = answer(Track((120, 100, 60, 40), corners=corners), start)
+        found = _region_from_track(Track((120, 100, 60, 40), corners=corners), start)
         np.testing.assert_allclose(list(found), corners, atol=1e-4)
 
 
-def test_a_start_of_many_points_is_its_smallest_rotated_box():
-    turned = map_points(rigid(150, 120, 0.4), upright(-30, -18, 60, 36))
-    halves = np.concatenate([turned, (turned + np.roll(turned, -1, axis=0)) / 2])
+def test_a_polygon_of_many_points_is_its_smallest_rotated_box():
+    rotated = map_points(rigid(150, 120, 0.4), upright(-30, -18, 60, 36))
+    halves = np.concatenate([rotated, (rotated + np.roll(rotated, -1, axis=0)) / 2])
     order = [0, 4, 1, 5, 2, 6, 3, 7]
     np.testing.assert_allclose(
-        start_box(polygon(halves[order])), start_box(polygon(turned)), atol=0.1
+        _box_from_region(polygon(halves[order])), _box_from_region(polygon(rotated)), atol=0.1
     )
 
 
-def test_a_start_that_is_no_place_is_refused():
+def test_other_region_types_are_refused():
     with pytest.raises(ArgumentError, match="'special'"):
-        start_box(trax.Special.create(1))
+        _box_from_region(trax.Special.create(1))

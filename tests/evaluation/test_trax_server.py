@@ -1,4 +1,4 @@
-"""Real TraX clients on our server, each in a process of its own."""
+"""TraX clients with the server in a separate process."""
 
 import subprocess
 import sys
@@ -18,11 +18,10 @@ SIZE = (320, 240)
 BOX = (140.0, 90.0, 36.0, 40.0)
 KCF = ("-m", "ssiam", "trax", "--tracker", "kcf", "--stabilize", "off")
 
-# A tracker that prints as Python, as C and as a child process do, and half a line at a time.
+# A tracker that prints incomplete lines from Python, from C and from a child process.
 CHATTY = """
 import ctypes, os, subprocess
-from ssiam.evaluation.trax_channel import protocol_alone
-from ssiam.evaluation.trax_server import serve
+from ssiam.evaluation.vot.trax import reserve_stdout, serve
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import SteadiedTracker
@@ -36,32 +35,32 @@ class Chatty:
         return Track(self.xywh, score=0.25)
     def talk(self):
         print("chatter", end="", flush=True)
-        print("kept back till the end", end="")
+        print("buffered until the end", end="")
         ctypes.CDLL(None).puts(b"chatter of C")
         os.write(2, b"chatter")
         subprocess.run(["echo", "chatter"])
 
-with protocol_alone():
+with reserve_stdout():
     serve(SteadiedTracker(Chatty(), StabilizerConfig("off")))
 """
 
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory):
-    """Image files of a shaking clip, and the true place of BOX in each."""
+    """Image files of a shaking clip, and the true box in each."""
     folder = tmp_path_factory.mktemp("frames")
     frame_from_world = poses(generator(3).normal(0, (1.5, 1, 0.0), (8, 3)), SIZE)
-    picture = world(size_wh=SIZE)
+    scene = world(size_wh=SIZE)
     paths = []
     for index, pose in enumerate(frame_from_world):
         paths.append(folder / f"{index}.png")
-        cv2.imwrite(str(paths[-1]), seen(picture, pose))
+        cv2.imwrite(str(paths[-1]), seen(scene, pose))
     start = np.linalg.inv(frame_from_world[0])
     return paths, [map_box(pose @ start, BOX) for pose in frame_from_world]
 
 
 class Served:
-    """A server process, and a client that talks to it."""
+    """A server process and its client."""
 
     def __init__(self, *arguments, stderr=subprocess.PIPE):
         self.process = subprocess.Popen(
@@ -70,9 +69,9 @@ class Served:
             stdout=subprocess.PIPE,
             stderr=stderr,
         )
-        self.heard = []
+        self.messages = []
         streams = self.process.stdin.fileno(), self.process.stdout.fileno()
-        self.client = Client(stream=streams, log=self.heard.append)
+        self.client = Client(stream=streams, log=self.messages.append)
 
     def start(self, path, region):
         return self.client.initialize(image(path), [(region, {})], {})[0]
@@ -81,7 +80,7 @@ class Served:
         return self.client.frame(image(path), {}, [])[0]
 
     def end(self):
-        """Exit code, what was left on standard output, and standard error."""
+        """Exit code, remaining standard output, and standard error."""
         out, err = self.process.communicate(timeout=30)
         return self.process.returncode, out.decode(), (err or b"").decode()
 
@@ -112,38 +111,40 @@ def test_rectangles_then_polygons_in_one_process(frames):
     assert served.end() == (0, "", "")
 
 
-@pytest.mark.parametrize("stderr", [subprocess.PIPE, subprocess.STDOUT], ids=["apart", "one pipe"])
-def test_chatter_never_reaches_the_protocol(frames, stderr):
+@pytest.mark.parametrize(
+    "stderr", [subprocess.PIPE, subprocess.STDOUT], ids=["two pipes", "one pipe"]
+)
+def test_other_output_does_not_reach_the_protocol(frames, stderr):
     served = Served("-c", CHATTY, stderr=stderr)
     served.start(frames[0][0], trax.Rectangle.create(*BOX))
     for path in frames[0][1:]:
         ((_, properties),) = served.track(path)
         assert float(properties["confidence"]) == 0.25
     served.client.quit()
-    code, left, told = served.end()
-    assert (code, left) == (0, "")
-    assert not any("chatter" in each or "kept back" in each for each in served.heard)
-    assert (told.count("chatter of C") > 0) == (stderr == subprocess.PIPE)
+    code, out, err = served.end()
+    assert (code, out) == (0, "")
+    assert not any("chatter" in each or "buffered" in each for each in served.messages)
+    assert (err.count("chatter of C") > 0) == (stderr == subprocess.PIPE)
 
 
 @pytest.mark.parametrize("when", ["first", "later"])
-def test_a_broken_frame_ends_with_one_line_and_a_quit_message(frames, tmp_path, when):
+def test_an_unreadable_frame_ends_with_one_line_and_a_quit_message(frames, tmp_path, when):
     served = Served(*KCF)
-    broken = tmp_path / "gone.png"
+    broken = tmp_path / "missing.png"
     if when == "first":
-        with pytest.raises(trax.TraxException, match=r"gone\.png: does not exist"):
+        with pytest.raises(trax.TraxException, match=r"missing\.png: does not exist"):
             served.start(broken, trax.Rectangle.create(*BOX))
     else:
         broken.write_text("no image")
         served.start(frames[0][0], trax.Rectangle.create(*BOX))
-        with pytest.raises(trax.TraxException, match=r"gone\.png: is not an image"):
+        with pytest.raises(trax.TraxException, match=r"missing\.png: is not an image"):
             served.track(broken)
     code, out, err = served.end()
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith(f"ssiam: {broken}")
 
 
-def test_a_target_that_cannot_be_started_on_is_told(frames):
+def test_a_target_outside_of_the_frame_is_refused(frames):
     served = Served(*KCF)
     with pytest.raises(trax.TraxException, match="outside of the frame"):
         served.start(frames[0][0], trax.Rectangle.create(900, 9, 20, 20))
@@ -151,40 +152,40 @@ def test_a_target_that_cannot_be_started_on_is_told(frames):
     assert (code, err.count("\n")) == (2, 1)
 
 
-def test_no_frames_at_all():
+def test_no_frames():
     served = Served(*KCF)
     served.client.quit()
     assert served.end() == (0, "", "")
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("words", "code", "reason"),
     [
-        pytest.param("", 3, "the TraX client hung up", id="hangs up"),
-        pytest.param("frame", 3, "the TraX client hung up", id="frame without an image"),
+        pytest.param("", 3, "the TraX client disconnected", id="disconnects"),
+        pytest.param("frame", 3, "the TraX client disconnected", id="frame without an image"),
         pytest.param('frame "file://PATH"', 2, "no target yet", id="frame before a target"),
         pytest.param(
-            'initialize "nonsense"\n@@TRAX:frame "file://PATH"', 2, "'special'", id="no region"
+            'initialize "nonsense"\n@@TRAX:frame "file://PATH"', 2, "'special'", id="not a region"
         ),
     ],
 )
-def test_a_client_that_breaks_the_protocol_is_left_in_one_line(frames, words, code, told):
+def test_a_client_that_violates_the_protocol(frames, words, code, reason):
     sent = f"@@TRAX:{words}\n".replace("PATH", str(frames[0][0])) if words else ""
     done = subprocess.run(
         [sys.executable, *KCF], input=sent, capture_output=True, text=True, timeout=30
     )
     assert done.returncode == code
     assert done.stderr.startswith("ssiam: ")
-    assert told in done.stderr
+    assert reason in done.stderr
     assert done.stderr.count("\n") == 1
     assert all(line.startswith("@@TRAX:") for line in done.stdout.splitlines())
 
 
-def test_the_channel_is_given_back():
-    """Standard error comes back, also where it was one with standard output."""
+def test_standard_error_is_restored():
+    """Also if it was the same file as standard output."""
     code = (
-        "import os, sys; from ssiam.evaluation.trax_channel import protocol_alone\n"
-        "with protocol_alone():\n"
+        "import os, sys; from ssiam.evaluation.vot.trax import reserve_stdout\n"
+        "with reserve_stdout():\n"
         "    os.write(int(os.environ['TRAX_OUT']), b'message;')\n"
         "    print('out', flush=True); print('err', file=sys.stderr)\n"
         "print('last words', file=sys.stderr)"

@@ -1,4 +1,4 @@
-"""A search is the same whether it was interrupted or not, and finds what is best."""
+"""Searches: same result after an interruption, and the optimum of a known cost."""
 
 import builtins
 
@@ -8,10 +8,9 @@ from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.errors import MissingExtraError, SsiamError
 from ssiam.evaluation import tuning
-from ssiam.evaluation.bench import Done
 from ssiam.evaluation.parameters import Parameter
-from ssiam.evaluation.study import TuningError
-from ssiam.evaluation.tuning import Search, Tried, tune
+from ssiam.evaluation.runs.bench import TaskResult
+from ssiam.evaluation.tuning import FinishedTrial, Search, TuningError, tune
 from ssiam.stabilize import StabilizerConfig
 
 SEARCHED = tuple(map(Parameter.parse, ("thx2=2:40", "tha=0.01:0.5", "keypoints=gftt,orb")))
@@ -23,40 +22,40 @@ def dataset(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(dataset, tmp_path_factory):
-    out = tmp_path_factory.mktemp("undisturbed")
+def uninterrupted(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("uninterrupted")
     return list(tune(Search(dataset, ("kcf",), SEARCHED, out), 5))
 
 
-def test_trials_are_counted_and_the_first_has_the_papers_numbers(undisturbed):
-    assert [each.number for each in undisturbed] == [1, 2, 3, 4, 5]
-    assert undisturbed[0].config == StabilizerConfig("paper")
-    assert len({each.config for each in undisturbed}) == 5
-    for each in undisturbed:
+def test_trials_are_numbered_and_the_first_has_the_papers_values(uninterrupted):
+    assert [each.number for each in uninterrupted] == [1, 2, 3, 4, 5]
+    assert uninterrupted[0].config == StabilizerConfig("paper")
+    assert len({each.config for each in uninterrupted}) == 5
+    for each in uninterrupted:
         assert each.config.paper.thy2 == each.config.paper.thx2 / 2
         assert each.config.paper.thx1 == 60
 
 
-def test_a_fresh_search_repeats(dataset, tmp_path, undisturbed):
-    assert list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 5)) == undisturbed
+def test_a_new_search_gives_the_same_trials(dataset, tmp_path, uninterrupted):
+    assert list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 5)) == uninterrupted
 
 
-def test_another_seed_tries_other_values(dataset, tmp_path, undisturbed):
+def test_another_seed_tries_other_values(dataset, tmp_path, uninterrupted):
     other = list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path, seed=100), 2))
-    assert other[0] == undisturbed[0]
-    assert other[1].config != undisturbed[1].config
+    assert other[0] == uninterrupted[0]
+    assert other[1].config != uninterrupted[1].config
 
 
 @pytest.mark.parametrize("trial", [0, 2], ids=["in the first trial", "in the third"])
-def test_an_interrupted_search_goes_on_as_if_nothing_had_been(
-    dataset, tmp_path, undisturbed, monkeypatch, trial
+def test_an_interrupted_search_gives_the_same_trials(
+    dataset, tmp_path, uninterrupted, monkeypatch, trial
 ):
     search = Search(dataset, ("kcf",), SEARCHED, tmp_path)
     run_all, ended = tuning.run_all, []
 
     def interrupted(todo, *arguments):
         for done in run_all(todo, *arguments):
-            if len(ended) == 4 * trial + 1:  # two runs a trial, told twice
+            if len(ended) == 4 * trial + 1:  # two runs per trial, each yielded twice
                 raise KeyboardInterrupt
             ended.append(done)
             yield done
@@ -65,19 +64,19 @@ def test_an_interrupted_search_goes_on_as_if_nothing_had_been(
     with pytest.raises(KeyboardInterrupt):
         list(tune(search, 5))
     monkeypatch.undo()
-    assert list(tune(search, 5)) == undisturbed
+    assert list(tune(search, 5)) == uninterrupted
 
 
-def test_a_search_in_parts_is_the_same(dataset, tmp_path, undisturbed):
+def test_a_search_in_several_calls_gives_the_same_trials(dataset, tmp_path, uninterrupted):
     search = Search(dataset, ("kcf",), SEARCHED, tmp_path)
-    assert list(tune(search, 2)) == undisturbed[:2]
-    assert list(tune(search, 2)) == undisturbed[:2]
-    assert list(tune(search, 5)) == undisturbed
+    assert list(tune(search, 2)) == uninterrupted[:2]
+    assert list(tune(search, 2)) == uninterrupted[:2]
+    assert list(tune(search, 5)) == uninterrupted
 
 
-def test_a_measure_is_that_of_the_files(dataset, undisturbed, tmp_path):
+def test_the_runs_are_those_of_bench(dataset, uninterrupted, tmp_path):
     first = next(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
-    assert first == undisturbed[0]
+    assert first == uninterrupted[0]
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*_001.txt")}
     assert len(before) == 2
@@ -85,14 +84,14 @@ def test_a_measure_is_that_of_the_files(dataset, undisturbed, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
-def test_what_is_best_is_found(dataset, tmp_path, monkeypatch):
-    """Where only THx1 counts, and 90 is best."""
+def test_the_optimum_is_found(dataset, tmp_path, monkeypatch):
+    """The cost depends only on THx1, with its optimum at 90."""
 
-    def told(todo, jobs=1):
+    def results(todo, jobs=1):
         distance = abs(todo[0].entry.config.paper.thx1 - 90)
-        yield Done("kcf", "clip0", 10, int(distance // 10), 1 / (1 + distance))
+        yield TaskResult("kcf", "clip0", 10, int(distance // 10), 1 / (1 + distance))
 
-    monkeypatch.setattr(tuning, "run_all", told)
+    monkeypatch.setattr(tuning, "run_all", results)
     searched = (Parameter.parse("thx1=20:120"),)
     best = min(tune(Search(dataset, ("kcf",), searched, tmp_path), 30), key=lambda t: t.cost)
     assert abs(best.config.paper.thx1 - 90) <= 5
@@ -102,16 +101,16 @@ def test_what_is_best_is_found(dataset, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("better", "worse"),
     [
-        pytest.param((3, 0.01), (4, 0.99), id="a target fewer outweighs any overlap"),
-        pytest.param((3, 0.5), (3, 0.4), id="else overlap decides"),
+        pytest.param((3, 0.01), (4, 0.99), id="fewer lost targets outweigh any overlap"),
+        pytest.param((3, 0.5), (3, 0.4), id="overlap decides between equals"),
     ],
 )
 def test_order_of_costs(better, worse):
     config = StabilizerConfig()
-    assert Tried(1, config, *better).cost < Tried(1, config, *worse).cost
+    assert FinishedTrial(1, config, *better).cost < FinishedTrial(1, config, *worse).cost
 
 
-def test_a_failing_run_is_told_and_its_trial_done_again(tmp_path, undisturbed):
+def test_a_failed_run_is_an_error_and_its_trial_is_repeated(tmp_path, uninterrupted):
     data = write_dataset(tmp_path / "data", sequences=2, frames=12)
     broken = data / "clip1" / "img" / "0002.jpg"
     content = broken.read_bytes()
@@ -120,13 +119,13 @@ def test_a_failing_run_is_told_and_its_trial_done_again(tmp_path, undisturbed):
     with pytest.raises(TuningError, match=r"clip1.*0002\.jpg"):
         list(tune(search, 5))
     broken.write_bytes(content)
-    assert list(tune(search, 5)) == undisturbed
+    assert list(tune(search, 5)) == uninterrupted
 
 
 @pytest.mark.parametrize(
     "content", [b"garbage " * 99, b"SQLite format 3\0" + b"\0" * 4096], ids=["text", "zeros"]
 )
-def test_a_damaged_study_is_one_line(dataset, tmp_path, content):
+def test_a_damaged_study_is_an_error(dataset, tmp_path, content):
     (tmp_path / "study.db").write_bytes(content)
     with pytest.raises(TuningError, match=r"study\.db.*delete it") as caught:
         list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
@@ -148,13 +147,13 @@ def test_another_search_in_the_same_folder_is_refused(dataset, tmp_path, other, 
         list(tune(Search(dataset, **{**same, **other}), 2))
 
 
-def test_a_folder_that_cannot_be_made(dataset, tmp_path):
+def test_a_folder_that_cannot_be_created(dataset, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(SsiamError, match="file"):
         list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path / "file" / "out"), 1))
 
 
-def test_without_optuna_the_extra_is_named(dataset, tmp_path, monkeypatch):
+def test_missing_optuna_names_the_extra(dataset, tmp_path, monkeypatch):
     real = builtins.__import__
 
     def without(name, *arguments, **options):

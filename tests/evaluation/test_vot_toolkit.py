@@ -1,4 +1,4 @@
-"""A, R and EAO under vot-toolkit's conventions, by hand; test_official_toolkit.py asks the real."""
+"""A, R and EAO by vot-toolkit's conventions: known cases. See also test_official_toolkit.py."""
 
 from dataclasses import astuple
 
@@ -7,10 +7,9 @@ import pytest
 
 from helpers.benchmark_runs import SIZE, square, tracked
 from ssiam.datasets import VideoSequence
-from ssiam.evaluation import vot_toolkit
-from ssiam.evaluation.eao import Interval
-from ssiam.evaluation.tracked import TrackedSequence
-from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.evaluation.measures import vot_toolkit
+from ssiam.evaluation.measures.eao import Interval
+from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
 
 SHORT = Interval(5, 15)
 
@@ -19,13 +18,13 @@ def scores(*sequences, interval=SHORT):
     return vot_toolkit.scores(sequences, interval)
 
 
-def test_the_truth_itself_is_perfect():
+def test_the_ground_truth_has_perfect_scores():
     found = scores(tracked("i" + 29 * "t"))
     assert (found.accuracy, found.robustness, found.eao) == (1, 0, 1)
     assert (found.lost, found.frames) == (0, 30)
 
 
-def test_rectangles_lose_against_polygons():
+def test_exact_rectangles_have_less_overlap_with_polygons():
     truth = square(30)
     boxes = np.hstack([truth[:, :2], np.full((30, 2), 40.0)])
     status = np.array([Status.INITIALIZED] + 29 * [Status.TRACKED], np.int8)
@@ -34,7 +33,7 @@ def test_rectangles_lose_against_polygons():
     assert found.accuracy == pytest.approx(40**2 / 41**2)
 
 
-def test_sequences_weigh_by_their_length():
+def test_sequences_are_weighted_by_length():
     held, lost = tracked("i" + 59 * "t", "held"), tracked("ix----i" + 23 * "t", "lost")
     found = scores(held, lost)
     assert found.robustness == pytest.approx((0 * 60 + 1 * 30) / 90)
@@ -42,9 +41,9 @@ def test_sequences_weigh_by_their_length():
     assert vot_toolkit.ar_point(found, 2)[0] == pytest.approx(np.exp(-30 * (1 / 3) / 45))
 
 
-def test_a_failure_in_the_last_frames_is_a_failure():
+def test_a_failure_in_the_last_frames_counts():
     late = scores(tracked("i" + 16 * "t" + "x--"), interval=Interval(10, 16))
-    # Frames 1..16 of one fragment of 17 that failed: the curve ends with the fragment.
+    # Frames 1..16 of one failed fragment of 17: the curve ends with the fragment.
     assert late.eao == pytest.approx(1)
     both = scores(
         tracked("i" + 16 * "t" + "x--"), tracked("i" + 29 * "t"), interval=Interval(18, 29)
@@ -59,7 +58,7 @@ def test_the_curve_ends_with_the_longest_fragment():
     assert np.isnan(scores(run, interval=Interval(7, 12)).eao)
 
 
-def test_a_run_without_a_frame_that_counts_has_accuracy_0():
+def test_accuracy_is_0_if_no_frame_counts():
     assert scores(tracked("i" + 8 * "t")).accuracy == 0
 
 
@@ -69,6 +68,6 @@ def test_repetitions_are_averaged():
     assert astuple(thrice) == pytest.approx(astuple(once))
 
 
-def test_a_short_run_is_measured_as_far_as_it_goes():
+def test_a_short_run_is_measured_over_its_frames():
     found = scores(tracked("i" + 24 * "t", length=40), interval=Interval(5, 30))
     assert (found.accuracy, found.frames, found.eao) == (1, 25, 1)

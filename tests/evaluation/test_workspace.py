@@ -1,4 +1,4 @@
-"""The workspace's files, read as the official toolkit reads them."""
+"""Workspace files, parsed as the official toolkit parses them."""
 
 import configparser
 import shlex
@@ -8,9 +8,8 @@ import pytest
 import yaml
 
 from ssiam.errors import ArgumentError, DatasetError, SinkError
-from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.workspace import write_workspace
-from ssiam.evaluation.workspace_stack import interval_for
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.vot.workspace import _interval_for, write_workspace
 from ssiam.stabilize import StabilizerConfig
 
 OFF, PAPER = StabilizerConfig("off"), StabilizerConfig("paper")
@@ -19,8 +18,8 @@ ENTRIES = [Entry("csrt", OFF), Entry("kcf", PAPER)]
 
 @pytest.fixture
 def sequences(tmp_path):
-    """Three sequences of 90, 100 and 110 frames, by their truth."""
-    folder = tmp_path / "data of mine"
+    """Three sequences of 90, 100 and 110 frames, with only their ground truth."""
+    folder = tmp_path / "my data"
     for length, name in ((90, "ants"), (100, "bag"), (110, "car")):
         (folder / name).mkdir(parents=True)
         (folder / name / "groundtruth.txt").write_text("1,2,3,4\n" * length)
@@ -38,7 +37,7 @@ def read_yaml(path):
     return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
-def test_a_workspace_of_sequences_that_stay_where_they_are(sequences, tmp_path):
+def test_a_workspace_lists_external_sequences(sequences, tmp_path):
     folder = tmp_path / "ws"
     assert write_workspace(folder, ENTRIES, sequences=sequences) == 3
     assert read_yaml(folder / "config.yaml") == {
@@ -53,7 +52,7 @@ def test_a_workspace_of_sequences_that_stay_where_they_are(sequences, tmp_path):
     assert {"type": "supervised_eao_score", "low": 20, "high": 60} in baseline["analyses"]
 
 
-def test_each_tracker_is_started_by_this_interpreter_from_anywhere(sequences, tmp_path):
+def test_commands_use_this_interpreter_and_absolute_paths(sequences, tmp_path):
     weights = tmp_path / "100% of it" / "nano"
     entries = [*ENTRIES, Entry("nanotrack_v2", OFF, weights)]
     write_workspace(tmp_path / "ws", entries, sequences=sequences)
@@ -68,13 +67,13 @@ def test_each_tracker_is_started_by_this_interpreter_from_anywhere(sequences, tm
         assert words[8:] == (["--weights", str(weights)] if entry.weights else [])
 
 
-def test_an_official_stack_is_named_and_its_sequences_are_left_to_the_toolkit(tmp_path):
+def test_an_official_stack_leaves_its_sequences_to_the_toolkit(tmp_path):
     assert write_workspace(tmp_path, ENTRIES, stack="vot2018/shortterm") == 0
     assert read_yaml(tmp_path / "config.yaml")["stack"] == "vot2018/shortterm"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["config.yaml", "trackers.ini"]
 
 
-def test_a_stack_of_ones_own_is_copied(sequences, tmp_path):
+def test_a_stack_file_is_copied(sequences, tmp_path):
     (tmp_path / "own.yaml").write_text("title: Größer\n", encoding="utf-8")
     folder = tmp_path / "ws"
     write_workspace(folder, ENTRIES, stack=str(tmp_path / "own.yaml"), sequences=sequences)
@@ -82,7 +81,7 @@ def test_a_stack_of_ones_own_is_copied(sequences, tmp_path):
     assert read_yaml(folder / "stack.yaml") == {"title": "Größer"}
 
 
-def test_sequences_of_the_workspace_itself(sequences, tmp_path):
+def test_sequences_inside_of_the_workspace(sequences, tmp_path):
     folder = tmp_path / "ws"
     folder.mkdir()
     sequences.rename(folder / "sequences")
@@ -97,33 +96,33 @@ def test_sequences_of_the_workspace_itself(sequences, tmp_path):
 @pytest.mark.parametrize(
     "name", ["config.yaml", "stack.yaml", "trackers.ini", "sequences/list.txt"]
 )
-def test_nothing_is_replaced_without_force(sequences, tmp_path, name):
+def test_existing_files_are_replaced_only_with_force(sequences, tmp_path, name):
     path = tmp_path / "ws" / name
     path.parent.mkdir(parents=True)
-    path.write_text("mine")
+    path.write_text("existing")
     with pytest.raises(SinkError, match=r"exists already: give --force"):
         write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences)
-    assert path.read_text() == "mine"
+    assert path.read_text() == "existing"
     assert [each for each in (tmp_path / "ws").rglob("*") if each.is_file()] == [path]
     write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences, force=True)
-    assert path.read_text() != "mine"
+    assert path.read_text() != "existing"
 
 
-def test_what_is_missing_is_named(sequences, tmp_path):
+def test_missing_inputs_are_errors(sequences, tmp_path):
     folder = tmp_path / "ws"
-    with pytest.raises(DatasetError, match=r"ws.sequences: is no folder"):
+    with pytest.raises(DatasetError, match=r"ws.sequences: is not a folder"):
         write_workspace(folder, ENTRIES)
-    with pytest.raises(DatasetError, match="holds no sequence of VOT"):
+    with pytest.raises(DatasetError, match="contains no VOT sequence"):
         write_workspace(folder, ENTRIES, sequences=sequences / "notes")
-    with pytest.raises(ArgumentError, match=r"stack gone\.yaml is not a file"):
-        write_workspace(folder, ENTRIES, stack="gone.yaml", sequences=sequences)
-    (sequences / "list.txt").write_text("ants\ngone\n")
-    with pytest.raises(DatasetError, match=r"gone: has no groundtruth\.txt"):
+    with pytest.raises(ArgumentError, match=r"stack missing\.yaml is not a file"):
+        write_workspace(folder, ENTRIES, stack="missing.yaml", sequences=sequences)
+    (sequences / "list.txt").write_text("ants\nmissing\n")
+    with pytest.raises(DatasetError, match=r"missing: has no groundtruth\.txt"):
         write_workspace(folder, ENTRIES, sequences=sequences)
     assert not folder.exists()
 
 
-def test_a_folder_that_cannot_be_made(sequences, tmp_path):
+def test_a_folder_that_cannot_be_created(sequences, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkError, match="cannot be written"):
         write_workspace(tmp_path / "file" / "ws", ENTRIES, sequences=sequences)
@@ -133,4 +132,4 @@ def test_a_folder_that_cannot_be_made(sequences, tmp_path):
     ("lengths", "interval"), [([90], (20, 60)), ([400, 9], (2, 6)), ([1], (1, 1))]
 )
 def test_the_interval_fits_the_shortest_sequence(lengths, interval):
-    assert interval_for(lengths) == interval
+    assert _interval_for(lengths) == interval

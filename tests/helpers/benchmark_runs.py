@@ -1,30 +1,29 @@
-"""Small trajectories and datasets for the tests of this folder."""
+"""Small trajectories for the tests of evaluation."""
 
 import numpy as np
 
 from ssiam.datasets import VideoSequence
-from ssiam.evaluation.tracked import TrackedSequence
-from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
 
 SIZE = (320, 240)
 
 
 def square(count, left=100.0, top=80.0, side=40.0):
-    """Polygons (count, 8) of a square that moves to the right."""
+    """Polygons (count, 8) of a square that moves right by 1 px per frame."""
     x = left + np.arange(count)[:, None]
     y = np.full((count, 1), top)
     return np.hstack([x, y, x + side, y, x + side, y + side, x, y + side])
 
 
 def trajectory(codes, truth, shift=0.0):
-    """A run: i starts, x loses, - skips, any other letter tracks `shift` pixels beside."""
+    """A run by frame: i start, x lost, - skipped, any other letter tracked with an offset."""
     status = np.array([Status({"i": 1, "x": 2, "-": 0}.get(code, 3)) for code in codes], np.int8)
     regions = truth[: len(codes)] + shift
     return Trajectory(status, np.where(status[:, None] == Status.TRACKED, regions, np.nan))
 
 
 def tracked(codes, name="one", shift=0.0, tags=None, repetitions=1, length=None):
-    """A `TrackedSequence` of `square`, of the length of the codes."""
+    """A `TrackedSequence` of `square` with runs of these codes."""
     truth = square(length or len(codes))
     sequence = VideoSequence(name, (), truth, tags=tags or {}, size_wh=SIZE)
     return TrackedSequence(sequence, (trajectory(codes, truth, shift),) * repetitions)
@@ -36,7 +35,7 @@ def same(a, b, atol=0.0):
 
 
 def golden_runs(data):
-    """The sequences of golden.md's vot_eval.npz."""
+    """The runs in the golden file vot_eval.npz."""
     runs = []
     for name in data["names"]:
         truth, written = data[f"{name}_gt"], data[f"{name}_pred"]

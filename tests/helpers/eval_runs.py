@@ -5,8 +5,8 @@ import json
 import numpy as np
 
 from ssiam.cli import main
-from ssiam.evaluation.layouts import vot_path, write_vot
-from ssiam.evaluation.trajectory import Status, Trajectory
+from ssiam.evaluation.measures.trajectory import Status, Trajectory
+from ssiam.evaluation.runs.result_files import vot_path, write_vot
 
 LENGTHS = {"bag": 120, "crossing": 400}
 LOST_AT = 40

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.synthetic import world
-from ssiam.motion.keypoints import KeypointGenerator, spread
+from ssiam.motion.keypoints import KeypointGenerator, _spread
 
 SIZE = (640, 360)
 TEXTURED = cv2.cvtColor(world(), cv2.COLOR_BGR2GRAY)
@@ -23,7 +23,7 @@ def test_a_textured_frame_has_keypoints_all_over(name):
     points = KeypointGenerator(name)(TEXTURED, None)
     least_points, least_cells = LEAST[name]
     assert len(points) >= least_points
-    assert len(spread(points, SIZE)) >= least_cells
+    assert len(_spread(points, SIZE)) >= least_cells
 
 
 def test_harris_rejects_points_on_a_strong_edge_that_gftt_accepts():

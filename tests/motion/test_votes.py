@@ -8,7 +8,7 @@ from helpers.synthetic import generator, poses, world
 from ssiam import CameraMotion
 from ssiam.geometry import map_points, rigid
 from ssiam.motion.fit import fit_motion
-from ssiam.motion.keypoints import spread
+from ssiam.motion.keypoints import _spread
 
 SIZE = (640, 360)
 SCENE = world(3, (960, 540))
@@ -83,7 +83,7 @@ def test_the_robust_fit_finds_the_largest_group_away_from_the_mean():
 def test_one_keypoint_a_cell_the_strongest():
     """Cells are 40 x 30 pixels; keypoints come strongest first."""
     points = np.array([[5, 5], [39, 29], [41, 5], [6, 6], [639, 359]], np.float32)
-    kept = spread(points, SIZE)
+    kept = _spread(points, SIZE)
     assert sorted(map(tuple, kept.tolist())) == [(5, 5), (41, 5), (639, 359)]
 
 

@@ -17,10 +17,10 @@ from rich.table import Table
 from ssiam.cli.options import check_results_folder, parse_shakes, parse_weights, split_words
 from ssiam.datasets import Shake, ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, check_choice
-from ssiam.evaluation.bench import Done, Task, run_all, tasks
-from ssiam.evaluation.entries import entries
-from ssiam.evaluation.presets import PRESETS, preset
-from ssiam.evaluation.protocols import ProtocolName
+from ssiam.evaluation.paper.presets import PRESETS, preset
+from ssiam.evaluation.runs.bench import Task, TaskResult, run_all, tasks
+from ssiam.evaluation.runs.entries import entries
+from ssiam.evaluation.runs.protocols import ProtocolName
 from ssiam.stabilize import METHODS
 
 _RUNS_GROUP = Group("Runs", sort_key=1)
@@ -131,7 +131,7 @@ class _Scoreboard:
 
     def __init__(self, planned: Sequence[Task]) -> None:
         self._total = Counter(_row_key(task.entry.label, task.shake) for task in planned)
-        self._done: dict[_RowKey, list[Done]] = {key: [] for key in self._total}
+        self._done: dict[_RowKey, list[TaskResult]] = {key: [] for key in self._total}
         self._has_shake = any(task.shake is not None for task in planned)
         console = Console(file=sys.stderr)
         self._live = Live(console=console, auto_refresh=False, transient=True)
@@ -146,7 +146,7 @@ class _Scoreboard:
         if self._is_live:
             self._live.stop()
 
-    def add(self, done: Done) -> None:
+    def add(self, done: TaskResult) -> None:
         """Count a finished run."""
         self._done[_row_key(done.label, done.shake)].append(done)
         if self._is_live:
@@ -208,7 +208,7 @@ class _Scoreboard:
 class _Totals:
     """Totals over the runs of a row, without the failed ones."""
 
-    def __init__(self, done: Sequence[Done]) -> None:
+    def __init__(self, done: Sequence[TaskResult]) -> None:
         good = [run for run in done if not run.failed]
         timed = [run for run in good if run.seconds]
         overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
@@ -221,7 +221,7 @@ class _Totals:
         self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
 
 
-def _failure_line(done: Done) -> str:
+def _failure_line(done: TaskResult) -> str:
     """A failed run and the reason."""
     shake = f", shake {done.shake.label}" if done.shake is not None else ""
     return f"{done.label} on {done.sequence}{shake}: {done.failed}"

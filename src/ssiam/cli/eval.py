@@ -13,20 +13,21 @@ from rich.console import Console
 
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
-from ssiam.evaluation.eao import interval_of
-from ssiam.evaluation.lines import ResultsError
-from ssiam.evaluation.one_pass import holds_one_pass, one_pass, one_pass_table
-from ssiam.evaluation.report import (
+from ssiam.evaluation.measures.eao import interval_of
+from ssiam.evaluation.reports import (
     Comparison,
     TrackerReport,
     compared,
     comparisons_table,
+    holds_one_pass,
+    one_pass,
+    one_pass_table,
     report,
     scores_table,
     tags_table,
 )
-from ssiam.evaluation.shaken_results import shaken_as
-from ssiam.evaluation.tracked import read_results
+from ssiam.evaluation.runs.result_files import ResultsError, read_results
+from ssiam.evaluation.runs.shaken_results import shaken_as
 
 Measured = TypeVar("Measured")
 

@@ -12,15 +12,14 @@ from cyclopts import Parameter
 from ssiam.cli.options import check_results_folder
 from ssiam.datasets import open_dataset
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.canvas import check_matplotlib
-from ssiam.evaluation.figures import Figure
-from ssiam.evaluation.figures import figures as drawn_figures
-from ssiam.evaluation.gathering import summarize
-from ssiam.evaluation.lines import ResultsError
-from ssiam.evaluation.shaken_results import shaken_as
-from ssiam.evaluation.summaries import Summaries
-from ssiam.evaluation.table_page import PAGE, Section, markdown_table, write_page
-from ssiam.evaluation.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.paper.canvas import check_matplotlib
+from ssiam.evaluation.paper.figures import Figure
+from ssiam.evaluation.paper.figures import figures as drawn_figures
+from ssiam.evaluation.paper.page import PAGE, Section, markdown_table, write_page
+from ssiam.evaluation.paper.summary import Summaries, summarize
+from ssiam.evaluation.paper.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.runs.result_files import ResultsError
+from ssiam.evaluation.runs.shaken_results import shaken_as
 from ssiam.video.images import image_paths
 
 _YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1

@@ -8,8 +8,7 @@ from ssiam.cli.options import (
     StabilizationOptions,
     TrackerOptions,
 )
-from ssiam.evaluation.trax_channel import protocol_alone
-from ssiam.evaluation.trax_server import check_trax, serve
+from ssiam.evaluation.vot.trax import check_trax, reserve_stdout, serve
 
 
 def trax(
@@ -23,5 +22,5 @@ def trax(
     meant to be started by hand. `ssiam vot-workspace` writes the configuration for the toolkit.
     """
     check_trax()
-    with protocol_alone():
+    with reserve_stdout():
         serve(tracker_options.load(config))

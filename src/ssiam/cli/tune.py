@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from ssiam.cli.options import check_results_folder, parse_weights, split_words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation import parameters
-from ssiam.evaluation.tuning import Search, Tried
+from ssiam.evaluation.tuning import FinishedTrial, Search
 from ssiam.evaluation.tuning import tune as tried_configs
 from ssiam.trackers import TRACKERS
 
@@ -69,7 +69,7 @@ def tune(
     paths = parse_weights(weights or [])
     check_results_folder(out, [dataset], paths.values())
     search = Search(dataset, names, search_space, out, paths, seed)
-    best: Tried | None = None
+    best: FinishedTrial | None = None
     for tried in tried_configs(search, trials, jobs):
         best = tried if best is None or tried.cost < best.cost else best
         print(f"trial {tried.number}: {_trial_summary(tried)}", flush=True)
@@ -77,12 +77,12 @@ def tune(
         _print_best(best, search)
 
 
-def _trial_summary(tried: Tried) -> str:
+def _trial_summary(tried: FinishedTrial) -> str:
     flags = parameters.track_flags(tried.config)
     return f"{tried.lost} lost, overlap {tried.overlap:.4f}, {flags}"
 
 
-def _print_best(best: Tried, search: Search) -> None:
+def _print_best(best: FinishedTrial, search: Search) -> None:
     print(f"best: trial {best.number}, {best.lost} lost, overlap {best.overlap:.4f}")
     for name in search.trackers:
         weights = f" --weights {search.weights[name]}" if name in search.weights else ""

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 
 from ssiam.cli.options import parse_weights, split_words
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.evaluation.entries import Entry, entries
-from ssiam.evaluation.trax_server import check_trax
-from ssiam.evaluation.workspace import write_workspace
+from ssiam.evaluation.runs.entries import Entry, entries
+from ssiam.evaluation.vot.trax import check_trax
+from ssiam.evaluation.vot.workspace import write_workspace
 from ssiam.stabilize import METHODS
 
 # Versions that work together; later ones fail on supervised experiments.

@@ -1,35 +1,42 @@
-"""`tune`: the numbers of `StabilizerConfig` that suit a tracker and its footage, by Optuna."""
+"""`tune`: search the settings of `StabilizerConfig` for a tracker and its footage with Optuna.
+
+The search is kept in a file and resumed after an interruption with the same result.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from ssiam.datasets import open_dataset
-from ssiam.errors import check_choice
-from ssiam.evaluation.bench import run_all, tasks
-from ssiam.evaluation.entries import Entry
-from ssiam.evaluation.parameters import Parameter, configured
-from ssiam.evaluation.study import (
-    TrialError,
-    TuningError,
-    complete_trials,
-    next_trial,
-    one_line_errors,
-    open_study,
-)
+from ssiam.errors import IncompleteError, MissingExtraError, SsiamError, check_choice
+from ssiam.evaluation.parameters import Parameter, is_whole, paper_config, paper_values
+from ssiam.evaluation.runs.bench import run_all, tasks
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.outputs import make_folder
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS
 
 _FILE: Final = "study.db"
+_NAME: Final = "ssiam"
+_PACKAGES: Final = ("optuna", "sqlalchemy")  # their exceptions become `TuningError`
+
+
+class TuningError(SsiamError):
+    """The search cannot continue: its file is damaged or of another search, or its runs failed."""
+
+
+class TrialError(TuningError, IncompleteError):
+    """Some runs of a trial failed; the results of the others are kept."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched, on what, and where it is kept.
+    """A search: its data, trackers and parameters, and its folder.
 
     Attributes
     ----------
@@ -37,11 +44,11 @@ class Search:
     trackers : tuple of str
     parameters : tuple of Parameter
     out : Path
-        Folder of ``study.db`` and of the results of the runs, as `ssiam bench` keeps them.
+        Folder of ``study.db`` and of the result files, in the layout of ``ssiam bench``.
     weights : mapping of str to Path
-        By the tracker's name.
+        By the name of the tracker.
     seed : int
-        The same search with the same seed tries the same values.
+        A search with the same seed tries the same values.
     """
 
     dataset: Path
@@ -53,8 +60,8 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Tried:
-    """A trial that is done.
+class FinishedTrial:
+    """The result of a trial.
 
     Attributes
     ----------
@@ -62,10 +69,10 @@ class Tried:
         From 1.
     config : StabilizerConfig
     lost : int
-        Targets lost in supervised runs of all trackers over all sequences.
+        Lost targets in the supervised runs of all trackers over all sequences.
     overlap : float
-        Mean overlap: of each run the mean intersection over union of its tracked frames, and of
-        these the mean; runs that have no tracked frame do not count, and if none has, it is 0.
+        Mean over the runs of the mean intersection over union of their tracked frames; runs
+        without tracked frames do not count, and it is 0 if there are no others.
     """
 
     number: int
@@ -75,60 +82,58 @@ class Tried:
 
     @property
     def cost(self) -> float:
-        """What is minimised: ``lost - overlap``.
+        """The minimized cost, ``lost - overlap``.
 
-        A target fewer always counts for more than any overlap, which is less than 1; where as
-        many are lost, the larger overlap wins.
+        The overlap is at most 1, so it only decides between trials with as many lost targets.
         """
         return self.lost - self.overlap
 
 
-def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[Tried]:
-    """Search until `trials` trials are done, and tell of each, those of earlier calls first.
+def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[FinishedTrial]:
+    """Search until `trials` trials are finished, and yield each, those of earlier calls first.
 
-    The first trial has the paper's numbers, if the parameters allow them; the others are chosen
-    by Optuna's TPE. An interrupted search goes on where it stopped, and ends as an undisturbed one
-    would: the choice depends on the seed and the finished trials only, a trial that was under way
-    is done again, and of its runs only those that had not ended. One process at a time may search
-    in a folder.
+    The first trial uses the paper's values if the parameters allow them; Optuna's TPE chooses the
+    others. An interrupted search resumes where it stopped and gives the same result as one that was
+    not: the choice depends only on the seed and the finished trials. An interrupted trial is
+    repeated, but not its finished runs. Only one process at a time may search in a folder.
 
     Parameters
     ----------
     search : Search
     trials : int
-        Of all calls together.
+        Number of trials, including those of earlier calls.
     jobs : int
-        Runs of a trial at a time.
+        Runs of a trial in parallel.
 
     Raises
     ------
     MissingExtraError
         Optuna is not installed.
     TuningError
-        ``study.db`` is damaged or of another search, or no run of a trial has a result.
+        ``study.db`` is damaged or belongs to another search, or all runs of a trial failed.
     TrialError
-        Some runs of a trial have no result. The others are kept.
+        Some runs of a trial failed. The results of the others are kept.
     SinkError
         The folder cannot be written.
     """
     path = search.out / _FILE
-    with one_line_errors(path):
-        study = open_study(path, _described(search))
-        for number, done in enumerate(complete_trials(study), 1):
-            yield _tried(number, done)
-        while (count := len(complete_trials(study))) < trials:
-            trial = next_trial(study, search.parameters, search.seed)
-            config = configured(trial.params)
+    with _one_line_errors(path):
+        study = _open_study(path, _identity(search))
+        for number, done in enumerate(_complete_trials(study), 1):
+            yield _finished(number, done)
+        while (count := len(_complete_trials(study))) < trials:
+            trial = _next_trial(study, search.parameters, search.seed)
+            config = paper_config(trial.params)
             lost, overlap = _measured(search, config, jobs)
             trial.set_user_attr("lost", lost)
             trial.set_user_attr("overlap", overlap)
-            tried = Tried(count + 1, config, lost, overlap)
-            study.tell(trial, tried.cost)
-            yield tried
+            finished = FinishedTrial(count + 1, config, lost, overlap)
+            study.tell(trial, finished.cost)
+            yield finished
 
 
-def _described(search: Search) -> dict[str, Any]:
-    """What makes a search the same one; JSON."""
+def _identity(search: Search) -> dict[str, Any]:
+    """What identifies a search, as JSON."""
     return {
         "trackers": list(search.trackers),
         "parameters": [str(each) for each in search.parameters],
@@ -138,29 +143,111 @@ def _described(search: Search) -> dict[str, Any]:
 
 
 def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int, float]:
-    """Lost targets and mean overlap of a config."""
-    competitors = [
+    """Lost targets and mean overlap of a configuration."""
+    entries = [
         Entry(check_choice("tracker", name, TRACKERS), config, search.weights.get(name))
         for name in search.trackers
     ]
-    todo = tasks(competitors, open_dataset(search.dataset), search.dataset, search.out)
-    failed = [done for done in run_all(todo, jobs) if done.failed]
+    todo = tasks(entries, open_dataset(search.dataset), search.dataset, search.out)
+    failed = [result for result in run_all(todo, jobs) if result.failed]
     if failed:
         first = failed[0]
         reason = f"{first.label} on {first.sequence}: {first.failed}"
         if len(failed) == len(todo):
             raise TuningError(reason)
         raise TrialError(
-            f"{len(failed)} of the {len(todo)} runs of a trial have no result, which the search "
-            f"cannot do without; they are tried again when the command is. The first: {reason}"
+            f"{len(failed)} of the {len(todo)} runs of a trial failed, and the search needs all of "
+            f"them; run the command again to retry them. The first: {reason}"
         )
-    # Told again, all from their files: these are rounded, and always come in the same order.
-    told = list(run_all(todo))
-    overlaps = [each.overlap for each in told if not math.isnan(each.overlap)]
+    # Read from the files, so that rounding and order do not depend on an interruption.
+    results = list(run_all(todo))
+    overlaps = [each.overlap for each in results if not math.isnan(each.overlap)]
     mean = math.fsum(overlaps) / len(overlaps) if overlaps else 0.0
-    return sum(each.lost for each in told), mean
+    return sum(each.lost for each in results), mean
 
 
-def _tried(number: int, trial: Any) -> Tried:
+def _finished(number: int, trial: Any) -> FinishedTrial:
     attributes = trial.user_attrs
-    return Tried(number, configured(trial.params), attributes["lost"], attributes["overlap"])
+    return FinishedTrial(
+        number, paper_config(trial.params), attributes["lost"], attributes["overlap"]
+    )
+
+
+def _open_study(path: Path, search: Mapping[str, Any]) -> Any:
+    """Open or create the Optuna study of a search; unfinished trials become failed ones.
+
+    Raises
+    ------
+    MissingExtraError
+        Optuna is not installed.
+    TuningError
+        The file belongs to another search.
+    SinkError
+        Its folder cannot be created.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise MissingExtraError("tuning needs optuna: pip install 'ssiam[bench]'") from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    make_folder(path.parent)
+    study = optuna.create_study(storage=f"sqlite:///{path}", study_name=_NAME, load_if_exists=True)
+    if not study.user_attrs:
+        study.set_user_attr("search", dict(search))
+    earlier = study.user_attrs["search"]
+    differing = [name for name in search if earlier.get(name) != search[name]]
+    if differing:
+        raise TuningError(
+            f"{path}: is a search with other {' and '.join(differing)}; give another --out"
+        )
+    for trial in study.get_trials(states=[optuna.trial.TrialState.RUNNING]):
+        study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
+    return study
+
+
+def _complete_trials(study: Any) -> list[Any]:
+    """The finished trials, in order."""
+    from optuna.trial import TrialState
+
+    return list(study.get_trials(deepcopy=False, states=[TrialState.COMPLETE]))
+
+
+def _next_trial(study: Any, parameters: Sequence[Parameter], seed: int) -> Any:
+    """A trial with the paper's values if it is the first one, else with values chosen by TPE.
+
+    The sampler is seeded by the number of finished trials, so that an interruption does not change
+    the trials that follow.
+    """
+    import optuna
+
+    count = len(_complete_trials(study))
+    study.sampler = optuna.samplers.TPESampler(seed=seed + count)
+    first = paper_values(parameters)
+    waiting = study.get_trials(states=[optuna.trial.TrialState.WAITING])
+    if count == 0 and first is not None and not waiting:
+        study.enqueue_trial(first)
+    return study.ask({each.name: _distribution(each) for each in parameters})
+
+
+@contextmanager
+def _one_line_errors(path: Path) -> Iterator[None]:
+    """Turn exceptions of Optuna and its database into a `TuningError`."""
+    try:
+        yield
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in _PACKAGES:
+            raise
+        raise TuningError(
+            f"{path}: cannot be used ({str(error).splitlines()[0]}); if it is damaged, delete it: "
+            "the runs beside it are kept"
+        ) from error
+
+
+def _distribution(parameter: Parameter) -> Any:
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+    if parameter.choices:
+        return CategoricalDistribution(parameter.choices)
+    if is_whole(parameter.name):
+        return IntDistribution(int(parameter.low), int(parameter.high))
+    return FloatDistribution(parameter.low, parameter.high, step=parameter.step)

@@ -34,7 +34,7 @@ _SIDE: Final = 8  # samples along each side of a cell
 _EPSILON: Final = 1e-3
 
 # A reliable motion
-_MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/reliability.py)
+_MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/calibration/reliability.py)
 _AGREEING: Final = 0.5  # explained share of the texture of a cell that agrees
 _MIN_AGREEING: Final = 8  # cells
 _MIN_SPREAD: Final = 0.3  # extent of the agreeing cells, units

@@ -28,7 +28,7 @@ _MUCH: Final = 0.2  # further below makes no difference
 
 @dataclass(frozen=True)
 class Confidence:
-    """A logistic model; its numbers come from benchmarks/confidence.py.
+    """A logistic model; its numbers come from benchmarks/calibration/confidence.py.
 
     Attributes
     ----------

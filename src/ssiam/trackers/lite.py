@@ -46,10 +46,10 @@ _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
 _LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
 
-# From benchmarks/search_parameters.py, on videos that training left out.
+# From benchmarks/calibration/search_parameters.py, on videos that training left out.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.1, lr=0.6)
-CONFIDENCE: Final = Confidence((1.61, 1.02), -0.92)  # from benchmarks/confidence.py
-MASK_THRESHOLD: Final = 0.2  # from benchmarks/mask_threshold.py
+CONFIDENCE: Final = Confidence((1.61, 1.02), -0.92)  # from benchmarks/calibration/confidence.py
+MASK_THRESHOLD: Final = 0.2  # from benchmarks/calibration/mask_threshold.py
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from ssiam.datasets import VideoSequence, open_dataset
-from ssiam.evaluation.success import Success, mean_success, success
+from ssiam.evaluation.measures.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.box_mask import BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork

@@ -1,0 +1,1 @@
+"""Shared by all benchmarks: test data, loading of trackers, tables."""

@@ -1,0 +1,1 @@
+"""Detection of lost targets, re-detection, and frames without content."""

@@ -1,0 +1,1 @@
+"""Camera motion: accuracy against known motion, and comparison with other libraries."""

@@ -1,0 +1,1 @@
+"""Trackers under synthetic camera shake: lost targets by stabilization method."""

@@ -1,0 +1,1 @@
+"""Time per frame, throughput and memory."""

@@ -1,0 +1,1 @@
+"""Measures of tracking results: overlap, success, A, R and EAO, paired comparison."""

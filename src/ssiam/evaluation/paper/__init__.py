@@ -1,0 +1,1 @@
+"""The paper's experiments: presets of runs, tables and figures, and the page that shows them."""

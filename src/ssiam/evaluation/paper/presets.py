@@ -1,0 +1,123 @@
+"""Presets: the benchmark runs behind the paper's tables, for the available trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, get_args
+
+from ssiam.errors import check_choice
+from ssiam.evaluation.measures.eao import known_year
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.motion import KEYPOINTS
+from ssiam.runtime import MODEL_ZOO
+from ssiam.stabilize import StabilizerConfig
+from ssiam.trackers import TRACKERS, TrackerName
+
+PresetName: TypeAlias = Literal["table1", "table2", "table3", "table4"]
+PRESETS: Final[tuple[PresetName, ...]] = get_args(PresetName)
+
+_OFF, _PAPER = StabilizerConfig("off"), StabilizerConfig("paper")
+
+# Table 2 by keypoint generator, the paper's five first.
+GENERATORS: Final[dict[str, StabilizerConfig]] = {
+    name: replace(_PAPER, keypoints=name)
+    for name in sorted(KEYPOINTS, key=lambda name: name == "direct")
+}
+# Table 3 by threshold and value; all other thresholds keep the paper's values.
+THRESHOLDS: Final[dict[str, dict[float, StabilizerConfig]]] = {
+    "THx1 = 2 THy1, px": {x: _PAPER.with_options(thx1=x, thy1=x / 2) for x in (60.0, 80.0, 100.0)},
+    "THx2 = 2 THy2, px/frame": {
+        x: _PAPER.with_options(thx2=x, thy2=x / 2) for x in (20.0, 40.0, 80.0)
+    },
+    "THa, rad": {angle: _PAPER.with_options(tha=angle) for angle in (0.1, 0.3, 0.5, 1.0)},
+}
+_CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
+    "table1": (_OFF, _PAPER),
+    "table2": (_OFF, *GENERATORS.values()),
+    # A dict removes duplicates: the paper's values are in the rows of every threshold.
+    "table3": tuple(dict.fromkeys(each for row in THRESHOLDS.values() for each in row.values())),
+    "table4": (_OFF, _PAPER),
+}
+
+# The paper's trackers by their names in the paper.
+_TRACKERS: Final[dict[str, TrackerName]] = {
+    "SiamFC": "siamfc",
+    "SiamRPN++": "siamrpn_r50_l234_dwxcorr",
+    "SiamMask_E": "siammask_e",
+}
+# Years of VOT that a table needs; the paper does not give the year of Tables 2 and 3.
+_YEARS: Final[dict[PresetName, tuple[int, ...]]] = {
+    "table1": (2016, 2018, 2019),
+    "table2": (),
+    "table3": (),
+    "table4": (2018,),
+}
+# Trackers that need no weights.
+_WITHOUT_WEIGHTS: Final = ("csrt", "kcf")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """The runs for a table of the paper.
+
+    Attributes
+    ----------
+    entries : list of Entry
+    missing : list of str
+        A line for each tracker and dataset of the paper that is not available, with its source.
+    """
+
+    entries: list[Entry]
+    missing: list[str]
+
+
+def preset(
+    name: str,
+    trackers: Sequence[str] | None,
+    weights: Mapping[str, Path],
+    datasets: Iterable[str] | None = None,
+) -> Preset:
+    """The runs for a table of the paper.
+
+    Parameters
+    ----------
+    name : {"table1", "table2", "table3", "table4"}
+        1: every tracker alone and stabilized. 2: the keypoint generators. 3: the thresholds of
+        eq. 6, varied one at a time. 4: as 1, for lost targets by sequence.
+    trackers : sequence of str, optional
+        Defaults to csrt, kcf and the trackers in `weights`.
+    weights : mapping of str to Path
+        By the name of the tracker.
+    datasets : iterable of str, optional
+        Names of the datasets that will be run. None leaves missing datasets out of the lines.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown preset or tracker.
+    """
+    table = check_choice("preset", name, PRESETS)
+    names = [*_WITHOUT_WEIGHTS, *(each for each in TRACKERS if each in weights)]
+    chosen = [check_choice("tracker", each, TRACKERS) for each in trackers or names]
+    missing = [
+        f"{title}: give --weights {name}=FILE; its authors publish {MODEL_ZOO[name].file} at "
+        f"{MODEL_ZOO[name].source}"
+        for title, name in _TRACKERS.items()
+        if name not in chosen
+    ]
+    if datasets is not None:
+        missing += _missing_data(table, {known_year(each) for each in datasets})
+    return Preset(
+        [Entry(each, config, weights.get(each)) for each in chosen for config in _CONFIGS[table]],
+        missing,
+    )
+
+
+def _missing_data(table: PresetName, years: set[int | None]) -> list[str]:
+    where = "not among the datasets; download it from votchallenge.net"
+    lines = [f"VOT{year}: {where}" for year in _YEARS[table] if year not in years]
+    if not _YEARS[table] and years <= {None}:
+        lines.append(f"VOT2016, VOT2018 or VOT2019: {where}")
+    return lines

@@ -1,0 +1,294 @@
+"""`summarize`: read a folder of ``ssiam bench`` results and measure each entry."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from ssiam.datasets import Dataset, VideoSequence
+from ssiam.errors import SsiamError, check_choice
+from ssiam.evaluation.measures import pysot
+from ssiam.evaluation.measures.eao import INTERVALS, Scores, known_year, mean_or_nan
+from ssiam.evaluation.measures.regions import Floats, upright
+from ssiam.evaluation.measures.success import Success, mean_success, success
+from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
+from ssiam.evaluation.runs.result_files import (
+    Experiment,
+    ResultsError,
+    file_name,
+    read_lines,
+    read_results,
+    repetitions,
+    vot_path,
+)
+from ssiam.geometry import iou
+from ssiam.stabilize import METHODS, StabilizerConfig
+
+_EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
+_MAX_NAMES: Final = 4  # in a note
+_PARSERS: Final = {int: int, float: float}  # by type of an option
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """Runs and measures of one benchmark entry on one dataset.
+
+    Attributes
+    ----------
+    label : str
+        Name of the results folder.
+    tracker : str
+    config : StabilizerConfig or None
+        None for results of other programs, whose folder names do not contain it.
+    supervised, one_pass : mapping of str to TrackedSequence
+        By sequence; missing ones are left out.
+    fps : float
+        Frames per second over all supervised runs, or else one-pass runs; nan if unknown.
+    scores : Scores or None
+        pysot's conventions; None if the dataset is not a year of VOT.
+    """
+
+    label: str
+    tracker: str
+    config: StabilizerConfig | None
+    supervised: Mapping[str, TrackedSequence]
+    one_pass: Mapping[str, TrackedSequence]
+    fps: float
+    scores: Scores | None
+
+    @cached_property
+    def lost(self) -> dict[str, float]:
+        """Lost targets of each sequence."""
+        return {name: each.lost for name, each in self.supervised.items()}
+
+    @cached_property
+    def overlaps(self) -> dict[str, float]:
+        """Mean overlap of the tracked frames of each sequence; nan without ground truth."""
+        return {
+            name: mean_or_nan(np.concatenate([_tracked_overlaps(each, run) for run in each.runs]))
+            for name, each in self.supervised.items()
+        }
+
+    @cached_property
+    def success(self) -> Success:
+        """Success of the one-pass runs, the mean over the sequences."""
+        return mean_success(
+            [success_of(each, run) for each in self.one_pass.values() for run in each.runs]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Summaries:
+    """All results of a folder on one dataset.
+
+    Attributes
+    ----------
+    dataset : str
+    year : int or None
+        VOT year, if the dataset is one with a defined EAO.
+    sequences : mapping of str to VideoSequence
+    entries : list of Summary
+        Sorted by tracker, with the tracker alone first.
+    notes : list of str
+        A line for each missing or damaged result that was left out.
+    """
+
+    dataset: str
+    year: int | None
+    sequences: Mapping[str, VideoSequence]
+    entries: Sequence[Summary]
+    notes: Sequence[str]
+
+    def find(self, tracker: str, config: StabilizerConfig) -> Summary | None:
+        """The entry of a tracker with a configuration; None if it was not run."""
+        wanted = tracker, config
+        return next((each for each in self.entries if (each.tracker, each.config) == wanted), None)
+
+
+def _tracked_overlaps(tracked: TrackedSequence, run: Trajectory) -> Floats:
+    """Intersection over union of a run's tracked frames; nan without ground truth."""
+    frames = np.flatnonzero(run.status == Status.TRACKED)
+    return iou(upright(run.regions[frames]), upright(tracked.sequence.truth[frames]))
+
+
+def success_of(tracked: TrackedSequence, run: Trajectory) -> Success:
+    """Success of a run, without start frames and frames skipped after a loss.
+
+    The frame of a loss counts as a miss. In a one-pass run the first frame counts with the true
+    box, as in OTB.
+    """
+    truth = upright(tracked.sequence.truth[: len(run)])
+    boxes = upright(run.regions)
+    starts = run.initializations
+    if len(starts) == 1 and not len(run.failures):
+        boxes[starts] = truth[starts]
+        truth[: starts[0]] = np.nan
+    else:
+        truth[np.isin(run.status, (Status.SKIPPED, Status.INITIALIZED))] = np.nan
+    return success(boxes, truth)
+
+
+def summarize(results: Path, dataset: Dataset) -> Summaries:
+    """Read and measure all results of a dataset in a folder of ``ssiam bench``.
+
+    Parameters
+    ----------
+    results : Path
+        With ``<label>/baseline/<sequence>/<sequence>_001.txt`` and
+        ``<label>/times/baseline/<sequence>.txt``; one-pass runs have ``unsupervised`` in place
+        of ``baseline``.
+    dataset : Dataset
+
+    Raises
+    ------
+    ResultsError
+        The folder contains no results.
+    DatasetError
+        The dataset is damaged.
+    """
+    folders = _folders(results)
+    year = known_year(dataset.name)
+    notes: list[str] = []
+    sequences = {name: _with_size(each, year, notes) for name, each in dataset.sequences.items()}
+    entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_sort_key)
+    found = [each for each in entries if each.supervised or each.one_pass]
+    unsupervised = [each.label for each in found if not each.supervised]
+    no_pass = [each.label for each in found if year is None and not each.one_pass]
+    for kind, protocol, labels in (
+        ("supervised", "vot", unsupervised),
+        ("one-pass", "ope", no_pass),
+    ):
+        if labels:
+            which = f"no {kind} runs of {_listed(labels)}"
+            notes.append(f"{dataset.name}: {which} (ssiam bench ... --protocol {protocol})")
+    return Summaries(dataset.name, year, sequences, found, notes)
+
+
+def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
+    """Tracker and configuration of an `Entry.label`; None if the text is not such a label."""
+    head, *changes = re.split(r"-(?=[a-z_0-9]+=)", label)
+    tracker, _, method = head.rpartition("-")
+    options = StabilizerConfig().options()
+    types = {name: _PARSERS.get(type(value), str) for name, value in options.items()}
+    values: dict[str, Any] = {}
+    try:
+        for change in changes:
+            name, _, value = change.partition("=")
+            values[name] = types[name](value)
+        config = StabilizerConfig(check_choice("stabilize", method, METHODS)).with_options(**values)
+        return (tracker, config) if tracker else None
+    except (KeyError, ValueError):
+        return None
+
+
+def _sort_key(summary: Summary) -> tuple[str, int, str]:
+    method = METHODS.index(summary.config.stabilize) if summary.config else 0
+    return summary.tracker, method, summary.label
+
+
+def _folders(results: Path) -> list[Path]:
+    if not results.is_dir():
+        raise ResultsError(f"{results}: no such folder; give --out of ssiam bench")
+    found = [
+        folder
+        for folder in sorted(results.iterdir())
+        if any((folder / experiment).is_dir() for experiment in _EXPERIMENTS)
+    ]
+    if not found:
+        raise ResultsError(
+            f"{results}: no subfolder with baseline/SEQUENCE/SEQUENCE_001.txt; "
+            "give --out of ssiam bench"
+        )
+    return found
+
+
+def _summary(
+    folder: Path, sequences: Mapping[str, VideoSequence], year: int | None, notes: list[str]
+) -> Summary:
+    tracker, config = parse_label(folder.name) or (folder.name, None)
+    supervised = _runs(folder, sequences, "baseline", notes)
+    one_pass = _runs(folder, sequences, "unsupervised", notes)
+    experiment: Experiment = "baseline" if supervised else "unsupervised"
+    return Summary(
+        folder.name,
+        tracker,
+        config,
+        supervised,
+        one_pass,
+        _fps(folder / "times" / experiment, supervised or one_pass, notes),
+        _scores(supervised.values(), year),
+    )
+
+
+def _runs(
+    folder: Path, sequences: Mapping[str, VideoSequence], experiment: Experiment, notes: list[str]
+) -> dict[str, TrackedSequence]:
+    """All undamaged runs; a note for each of the others, unless there are no runs at all."""
+    found, missing = {}, []
+    for name, sequence in sequences.items():
+        if not repetitions(vot_path(folder, name, experiment=experiment)):
+            missing.append(name)
+            continue
+        try:
+            results = read_results(folder, [sequence], experiment)
+        except ResultsError as error:
+            notes.append(f"{error}; it is left out")
+            continue
+        found[name] = results.tracked[0]
+        notes += results.notes
+    if found and missing:
+        notes.append(
+            f"{folder.name}: no {experiment} results of {len(missing)} of {len(sequences)} "
+            f"sequences: {_listed(missing)}"
+        )
+    return found
+
+
+def _fps(folder: Path, runs: Iterable[str], notes: list[str]) -> float:
+    """Frames per second over all sequences; frames with a time of 0 were skipped."""
+    frames, seconds, missing = 0, 0.0, []
+    for name in runs:
+        path = folder / f"{file_name(name)}.txt"
+        if not path.exists():
+            missing.append(name)
+            continue
+        try:
+            times = [values[0] for _, values in read_lines(path) if values[0] > 0]
+        except ResultsError as error:
+            notes.append(f"{error}; its times are left out")
+            continue
+        frames, seconds = frames + len(times), seconds + sum(times)
+    if missing:
+        notes.append(f"{folder}: no times of {_listed(missing)}")
+    return frames / seconds if seconds else float("nan")
+
+
+def _scores(runs: Iterable[TrackedSequence], year: int | None) -> Scores | None:
+    """A, R and EAO; None without a year, or if a frame size is unknown."""
+    tracked = list(runs)
+    if year is None or not tracked or any(each.sequence.size_wh is None for each in tracked):
+        return None
+    return pysot.scores([pysot.measure(each) for each in tracked], INTERVALS[year])
+
+
+def _with_size(sequence: VideoSequence, year: int | None, notes: list[str]) -> VideoSequence:
+    """The sequence with its frame size, which bounds overlaps in VOT."""
+    if year is None or sequence.size_wh is not None:
+        return sequence
+    try:
+        height, width = next(sequence.images()).shape[:2]
+    except SsiamError as error:
+        notes.append(f"{error}; no A, R and EAO without the frame size")
+        return sequence
+    return replace(sequence, size_wh=(width, height))
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    return ", ".join(names[:_MAX_NAMES]) + more

@@ -1,0 +1,1 @@
+"""Runs of trackers over datasets, and the result files they leave."""

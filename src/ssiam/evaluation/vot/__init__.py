@@ -1,0 +1,1 @@
+"""Interfaces to the official VOT toolkit: workspaces, and a TraX server for the trackers."""

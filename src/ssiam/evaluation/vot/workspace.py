@@ -1,0 +1,209 @@
+"""Workspaces of the official VOT toolkit: configuration, tracker registry, stack, sequence list."""
+
+from __future__ import annotations
+
+import configparser
+import io
+import json
+import re
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ssiam.datasets.files import read_text
+from ssiam.errors import ArgumentError, DatasetError, SinkError
+from ssiam.evaluation.measures.eao import Interval
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.outputs import atomic_write, check_distinct, make_folder
+
+_SEQUENCES = "sequences"
+_STACK = "stack.yaml"
+_TRACKERS = "trackers.ini"
+_TIMEOUT = 60  # seconds per frame, after which the toolkit aborts a tracker
+_CONFIG = """\
+registry:
+- ./{trackers}
+stack: {stack}
+sequences: {sequences}
+"""
+_LIST = "list.txt"
+_TRUTH = "groundtruth.txt"
+# Ends of the EAO interval as shares of the shortest sequence. If no fragment reaches the lower end
+# the toolkit gives nan; if none reaches the upper end it silently shortens the interval.
+_LOW, _HIGH = 2 / 9, 2 / 3
+_OFFICIAL = re.compile(r"[a-z0-9]+(/[a-z0-9]+)?")
+_SUPERVISED = """\
+title: Supervised runs
+experiments:
+  baseline:
+    type: supervised
+    repetitions: 1
+    skip_initialize: 5
+    analyses:
+      - type: supervised_average_ar
+        sensitivity: 30
+      - type: supervised_eao_score
+        low: {low}
+        high: {high}
+      - type: supervised_eao_curve
+"""
+
+
+def write_workspace(
+    folder: Path,
+    entries: Sequence[Entry],
+    *,
+    stack: str | None = None,
+    sequences: Path | None = None,
+    force: bool = False,
+) -> int:
+    """Write the files of a workspace into `folder`.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if it does not exist.
+    entries : sequence of Entry
+    stack : str, optional
+        One of the toolkit's stacks ("vot2018/shortterm") or the file of another. Defaults to one
+        supervised run whose EAO interval fits the sequences.
+    sequences : Path, optional
+        Folder of sequences in VOT's layout, which are not copied. Defaults to the folder
+        ``sequences`` of the workspace.
+    force : bool
+        Replace existing files.
+
+    Returns
+    -------
+    int
+        Number of sequences; 0 if the toolkit has yet to download those of its stack.
+
+    Raises
+    ------
+    ArgumentError
+        The stack is neither a file nor one of the toolkit's, or the workspace would replace the
+        stack's file, the sequences' list.txt or weights.
+    DatasetError
+        There are no sequences, or one of them is damaged.
+    SinkError
+        A file exists already, or cannot be written.
+    """
+    official = stack is not None and _is_official(stack)
+    own = folder / _SEQUENCES
+    fetched = official and sequences is None and not own.is_dir()
+    found = [] if fetched else _sequence_folders(own if sequences is None else sequences)
+    files = {folder / "config.yaml": _config(stack if official else None)}
+    files[folder / _TRACKERS] = _trackers(entries)
+    if stack is None:
+        files[folder / _STACK] = _supervised_stack([_length_of(path) for path in found])
+    elif not official:
+        files[folder / _STACK] = _read_stack(Path(stack))
+    if sequences is not None:
+        files[own / _LIST] = "".join(f"{path.absolute()}\n" for path in found)
+    elif found and not (own / _LIST).is_file():
+        files[own / _LIST] = "".join(f"{path.name}\n" for path in found)
+    inputs = [] if stack is None or official else [("the stack", Path(stack))]
+    inputs += [] if sequences is None else [("the sequences' list", sequences / _LIST)]
+    inputs += [("the weights", entry.weights) for entry in entries if entry.weights is not None]
+    check_distinct([("the workspace's", path) for path in files], inputs)
+    _write(files, force)
+    return len(found)
+
+
+def _config(stack: str | None) -> str:
+    name = f"./{_STACK}" if stack is None else stack
+    return _CONFIG.format(trackers=_TRACKERS, stack=json.dumps(name), sequences=_SEQUENCES)
+
+
+def _trackers(entries: Sequence[Entry]) -> str:
+    registry = configparser.ConfigParser()
+    for entry in entries:
+        registry[entry.label] = {
+            "label": entry.label,
+            "protocol": "trax",
+            "command": _command(entry).replace("%", "%%"),
+            "timeout": str(_TIMEOUT),
+        }
+    text = io.StringIO()
+    registry.write(text)
+    return text.getvalue()
+
+
+def _command(entry: Entry) -> str:
+    """The command that starts the tracker's TraX server with this interpreter, from any folder."""
+    words = [sys.executable, "-m", "ssiam", "trax", "--tracker", entry.tracker]
+    words += ["--stabilize", entry.config.stabilize]
+    if entry.weights is not None:
+        words += ["--weights", str(entry.weights.absolute())]
+    return shlex.join(words)
+
+
+def _write(files: Mapping[Path, str], force: bool) -> None:
+    """Write all files, or none if one exists and is not to be replaced."""
+    for path in files:
+        if path.exists() and not force:
+            raise SinkError(f"{path} exists already: give --force to replace it")
+    for path, text in files.items():
+        make_folder(path.parent)
+        with atomic_write(path, "w", hidden=True) as file:
+            file.write(text)
+
+
+def _sequence_folders(source: Path) -> list[Path]:
+    """The sequences in a folder: those in its list.txt, or all subfolders with a groundtruth.txt.
+
+    Raises
+    ------
+    DatasetError
+        There are none, or one of the list does not exist.
+    """
+    listed = source / _LIST
+    if listed.is_file():
+        folders = [source / name.strip() for name in read_text(listed).splitlines() if name.strip()]
+    elif source.is_dir():
+        folders = sorted(path.parent for path in source.glob(f"*/{_TRUTH}"))
+    else:
+        raise DatasetError(f"{source}: is not a folder; give the folder of the sequences")
+    for folder in folders:
+        if not (folder / _TRUTH).is_file():
+            raise DatasetError(
+                f"{folder}: has no {_TRUTH}; add it, or remove the folder from {listed}"
+            )
+    if not folders:
+        raise DatasetError(
+            f"{source}: contains no VOT sequence, which is a folder with a {_TRUTH} and images"
+        )
+    return folders
+
+
+def _length_of(folder: Path) -> int:
+    """Number of frames of a sequence, by its ground truth."""
+    return len(read_text(folder / _TRUTH).split())
+
+
+def _is_official(stack: str) -> bool:
+    """Whether `stack` is a name of the toolkit ("vot2018/shortterm") and not an existing file."""
+    return _OFFICIAL.fullmatch(stack) is not None and not Path(stack).is_file()
+
+
+def _read_stack(path: Path) -> str:
+    """The text of a stack's file; `ArgumentError` if it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise ArgumentError(
+            f"stack {path} is not a file of YAML that can be read, nor a stack of the toolkit, "
+            "such as vot2018/shortterm"
+        ) from None
+
+
+def _supervised_stack(lengths: list[int]) -> str:
+    """A stack with one supervised run, for sequences of the given lengths in frames."""
+    return _SUPERVISED.format(**_interval_for(lengths)._asdict())
+
+
+def _interval_for(lengths: list[int]) -> Interval:
+    """An EAO interval that fits sequences of the given lengths in frames."""
+    shortest = min(lengths)
+    return Interval(max(1, round(_LOW * shortest)), max(1, round(_HIGH * shortest)))

@@ -1,0 +1,34 @@
+"""The page: aligned columns, no external resources, escaped text."""
+
+import re
+
+import pytest
+
+from ssiam.errors import SinkError
+from ssiam.evaluation.paper.page import Section, markdown, markdown_table, page, write_page
+from ssiam.evaluation.paper.tables import Table
+
+TABLE = Table("A <b> table", ("name", "n"), [("a|b", "1"), ("<i>", ""), ("c", "22")], ["a & b"])
+
+
+def test_markdown_columns_are_aligned():
+    lines = [line for line in markdown_table(TABLE).splitlines() if line.startswith("|")]
+    assert len(lines) == 5
+    assert len({len(line) for line in lines}) == 1
+    assert lines[1] == "| ---- | --: |"
+    assert "a\\|b" in lines[2]
+
+
+def test_the_page_is_self_contained_and_escaped():
+    text = page([Section("S & T", [TABLE], notes=["<missing>"])], "x < y")
+    assert not re.search(r"(src|href)=.?http", text)
+    assert "<i>" not in text
+    for escaped in ("&lt;i&gt;", "S &amp; T", "&lt;missing&gt;", "x &lt; y"):
+        assert escaped in text
+    assert markdown([Section("S", [TABLE], notes=["missing"])], "x").endswith("- missing\n")
+
+
+def test_an_unwritable_folder_is_an_error(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(SinkError, match=r"file.*cannot be written"):
+        write_page(tmp_path / "file" / "out", [], "")
