@@ -1,7 +1,7 @@
-"""Keep hold of a chosen object in video from a shaking, moving camera.
+"""Track a chosen object in video from a shaking, moving camera.
 
 The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera's
-motion, steady the frame, run an unchanged tracker on the steadied view, map the result back.
+motion, stabilize the frame, run an unchanged tracker on the stabilized view, map the result back.
 
     tracker = ssiam.load_tracker()
     tracker.init(frame, (x, y, w, h))
@@ -22,7 +22,7 @@ from ssiam.errors import (
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import TRACKERS, SteadiedTracker, TrackerGroup, load_tracker
+from ssiam.trackers import TRACKERS, StabilizedTracker, TrackerGroup, load_tracker
 
 __all__ = [
     "TRACKERS",
@@ -36,9 +36,9 @@ __all__ = [
     "SinkError",
     "SourceError",
     "SsiamError",
+    "StabilizedTracker",
     "Stabilizer",
     "StabilizerConfig",
-    "SteadiedTracker",
     "StreamError",
     "Track",
     "TrackerGroup",

@@ -56,17 +56,17 @@ def assert_crops(z, template, search):
         assert sha256(strided) == z[f"x_crop_{key}_u8_s2_sha256"]
 
 
-def chosen_indices(monkeypatch):
+def recorded_indices(monkeypatch):
     """The indices that `choose` gives from now on, as they come."""
     indices = []
-    choose = siamrpn.choose
+    choose = siamrpn.select_candidate
 
     def noted(*arguments):
         best, penalty = choose(*arguments)
         indices.append(best)
         return best, penalty
 
-    monkeypatch.setattr(siamrpn, "choose", noted)
+    monkeypatch.setattr(siamrpn, "select_candidate", noted)
     return indices
 
 
@@ -75,9 +75,9 @@ def crop_sides(monkeypatch):
     sides = []
     crop = FrameView.crop
 
-    def noted(view, centre_xy, side, out, fill):
+    def noted(view, center_xy, side, out, fill):
         sides.append(side)
-        return crop(view, centre_xy, side, out, fill)
+        return crop(view, center_xy, side, out, fill)
 
     monkeypatch.setattr(FrameView, "crop", noted)
     return sides
@@ -158,7 +158,7 @@ class LoopTests:
         alone, _ = self.started()
         expected = [alone.track(FrameView(frame)).box for frame in frames[1:]]
         first, _ = self.started()
-        second = first.another()
+        second = first.clone()
         second.init(FrameView(picture((30, 150, 50, 50))), (30, 150, 50, 50))
         for frame, box in zip(frames[1:], expected, strict=True):
             second.track(FrameView(picture((30, 150, 50, 50))))

@@ -3,7 +3,7 @@ import pytest
 
 from helpers.stub_networks import fixed_maps
 from ssiam.trackers.anchors import anchor_boxes, cell_of, decode, response_side
-from ssiam.trackers.siamese import foreground
+from ssiam.trackers.siamese import foreground_probability
 
 
 @pytest.mark.parametrize(("instance", "base", "side"), [(255, 8, 25), (287, 0, 21), (831, 8, 97)])
@@ -22,7 +22,7 @@ def test_decoding_is_the_reference(golden):
     cls, loc = fixed_maps(25)(None)
     boxes = decode(loc, anchor_boxes(25))[:, ::7]
     np.testing.assert_allclose(boxes, z["convert_bbox_1"], rtol=2e-7, atol=1e-6)
-    np.testing.assert_allclose(foreground(cls)[::7], z["convert_score_1"], atol=1e-6)
+    np.testing.assert_allclose(foreground_probability(cls)[::7], z["convert_score_1"], atol=1e-6)
 
 
 def test_decoding_inverts_the_paper():

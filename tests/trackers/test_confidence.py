@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from helpers.synthetic import generator
 from ssiam.trackers import nanotrack, opencv
-from ssiam.trackers.confidence import Confidence, Usual, look
+from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
 
 NUMBERS = st.floats(-1e300, 1e300)
 MODEL = Confidence((0.5, 20.0), -1.0)
@@ -62,19 +62,19 @@ def features(inside, box):
 )
 def test_only_what_is_in_the_box_is_looked_at(box):
     """cx goes with columns and cy with rows; nothing from outside of the box."""
-    seen = look(features((0.0, 7.0), box), STRIDE, np.array(box, float))
+    seen = box_feature(features((0.0, 7.0), box), STRIDE, np.array(box, float))
     np.testing.assert_allclose(seen, (0, 1), atol=1e-12)
 
 
 def test_a_look_is_the_direction_of_the_mean():
     noise = generator(3).normal(0, 1, (1, 24, SIDE, SIDE)).astype(np.float32)
-    seen = look(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
+    seen = box_feature(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
     mean = noise[0].mean(axis=(1, 2), dtype=np.float64)
     np.testing.assert_allclose(seen, mean / np.linalg.norm(mean), atol=1e-6)
-    part = look(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
+    part = box_feature(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
     assert np.linalg.norm(part) == pytest.approx(1)
     np.testing.assert_allclose(
-        part, look(noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0])), atol=1e-6
+        part, box_feature(noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0])), atol=1e-6
     )
 
 
@@ -84,7 +84,7 @@ def test_a_look_is_the_direction_of_the_mean():
 def test_boxes_outside_of_the_map_take_its_nearest_features(cx, cy, extent):
     coordinates = np.stack(np.meshgrid(PLACES, PLACES))[None].astype(np.float32)
     coordinates = np.concatenate([coordinates, np.full((1, 1, SIDE, SIDE), 64, np.float32)], axis=1)
-    x, y, one = look(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
+    x, y, one = box_feature(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
     assert np.hypot(np.hypot(x, y), one) == pytest.approx(1)
     if extent < 100:
         for found, wanted in ((x, cx), (y, cy)):
@@ -93,21 +93,21 @@ def test_boxes_outside_of_the_map_take_its_nearest_features(cx, cy, extent):
 
 
 def test_features_that_are_all_zero_have_no_direction():
-    seen = look(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
+    seen = box_feature(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
     np.testing.assert_array_equal(seen, 0)
 
 
 def test_what_is_usual_or_more_falls_short_of_nothing():
-    usual = Usual()
-    assert all(usual.shortfall(value, sure=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
+    usual = RunningBaseline()
+    assert all(usual.drop(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
 
 
 def test_a_shortfall_is_the_greater_the_less_the_value():
     def after(value):
-        usual = Usual()
+        usual = RunningBaseline()
         for _ in range(20):
-            usual.shortfall(0.9, sure=True)
-        return usual.shortfall(value, sure=False)
+            usual.drop(0.9, confident=True)
+        return usual.drop(value, confident=False)
 
     found = [after(value) for value in np.linspace(0.9, -1.0, 60)]
     assert found[0] == 0
@@ -118,11 +118,11 @@ def test_a_shortfall_is_the_greater_the_less_the_value():
 
 @pytest.mark.parametrize("sure", [True, False])
 def test_a_much_lower_value_becomes_usual_only_if_something_else_is_sure(sure):
-    usual = Usual()
+    usual = RunningBaseline()
     for _ in range(20):
-        usual.shortfall(0.9, sure=True)
-    first = usual.shortfall(0.2, sure)
+        usual.drop(0.9, confident=True)
+    first = usual.drop(0.2, sure)
     for _ in range(200):
-        last = usual.shortfall(0.2, sure)
+        last = usual.drop(0.2, sure)
     assert first < 0
     assert last == (0 if sure else first)

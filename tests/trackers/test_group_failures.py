@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.failing_trackers import every_tenth, troubled_tracker
+from helpers.failing_trackers import every_tenth, failing_tracker
 from helpers.synthetic import golden_video
 from ssiam.errors import FrameSizeError
 from ssiam.motion import CameraMotion
@@ -24,7 +24,7 @@ def test_the_others_boxes_are_those_of_a_group_without_it(video, stabilize):
     alone.init(frames[0], [box])
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize), keep_going=True)
     group.init(frames[0], [box])
-    failing = troubled_tracker(every_tenth, stabilize)
+    failing = failing_tracker(every_tenth, stabilize)
     failing.init(frames[0], OTHER)
     group.join(failing, OTHER)
     failed = []
@@ -39,7 +39,7 @@ def test_the_others_boxes_are_those_of_a_group_without_it(video, stabilize):
 
 def test_without_it_the_error_is_raised(video):
     frames, box = video
-    group = ssiam.TrackerGroup(troubled_tracker(every_tenth))
+    group = ssiam.TrackerGroup(failing_tracker(every_tenth))
     group.init(frames[0], [box])
     for frame in frames[1:10]:
         group.update(frame)

@@ -9,7 +9,7 @@ from helpers.tracker_loops import BOX, LoopTests, moving, picture
 from ssiam import FrameView
 from ssiam.geometry import rigid
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
-from ssiam.trackers.lite_mask import pasted
+from ssiam.trackers.lite_mask import pasted_mask
 
 
 def seeing_search():
@@ -73,7 +73,7 @@ class TestLiteWithoutMask(LoopTests):
 
     def test_there_is_neither_mask_nor_rotated_box(self):
         frames, _ = moving(BOX)
-        tracker = self.tracker().another()
+        tracker = self.tracker().clone()
         tracker.init(FrameView(frames[0]), BOX)
         track = tracker.track(FrameView(frames[1]))
         assert (track.mask, track.corners) == (None, None)
@@ -87,7 +87,7 @@ def test_a_mask_is_pasted_where_its_crop_was_cut():
     """The four pixels of a cell, in a crop of the picture's own size."""
     logits = np.full((1, 1, 64, 64), -20, np.float32)
     logits[0, 0, 30, 40] = 20
-    mask = pasted(logits, (200.0, 180.0), 255, EVERYWHERE, (400, 300)).inside((400, 300))
+    mask = pasted_mask(logits, (200.0, 180.0), 255, EVERYWHERE, (400, 300)).full((400, 300))
     rows, columns = np.nonzero(mask)
     left, top = 72, 52  # of the crop: whole pixels, the nearest up to centre - 255 / 2
     assert (rows.mean() - top, columns.mean() - left) == pytest.approx((121.5, 161.5), abs=0.5)
@@ -95,23 +95,23 @@ def test_a_mask_is_pasted_where_its_crop_was_cut():
 
 
 @pytest.mark.parametrize(
-    "centre_xy", [(40.0, 30.0), (-300.0, 100.0), (700.0, 390.0), (200.0, 900.0)]
+    "center_xy", [(40.0, 30.0), (-300.0, 100.0), (700.0, 390.0), (200.0, 900.0)]
 )
 @pytest.mark.parametrize("margin", [0, 50])
-def test_of_a_mask_the_part_in_the_picture_is_shown(centre_xy, margin):
+def test_of_a_mask_the_part_in_the_picture_is_shown(center_xy, margin):
     """Of a crop over the edge, or beyond it: the pixels are those of a larger picture."""
     far = 1000
-    there = centre_xy[0] + far, centre_xy[1] + far
-    beyond = pasted(NOISE, there, 400, EVERYWHERE, (3000, 3000))
-    whole = beyond.inside((3000, 3000))[far : far + 300, far : far + 400]
-    mask = pasted(NOISE, centre_xy, 400, EVERYWHERE, (400, 300), margin)
-    assert (mask.inside((400, 300)) == whole).all()
+    there = center_xy[0] + far, center_xy[1] + far
+    beyond = pasted_mask(NOISE, there, 400, EVERYWHERE, (3000, 3000))
+    whole = beyond.full((3000, 3000))[far : far + 300, far : far + 400]
+    mask = pasted_mask(NOISE, center_xy, 400, EVERYWHERE, (400, 300), margin)
+    assert (mask.full((400, 300)) == whole).all()
 
 
 def test_far_from_the_box_there_is_no_mask():
-    centre_xy, size_wh = (200.0, 150.0), (400, 300)
-    whole = pasted(NOISE, centre_xy, 300, EVERYWHERE, size_wh).inside(size_wh)
-    mask = pasted(NOISE, centre_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).inside(size_wh)
+    center_xy, size_wh = (200.0, 150.0), (400, 300)
+    whole = pasted_mask(NOISE, center_xy, 300, EVERYWHERE, size_wh).full(size_wh)
+    mask = pasted_mask(NOISE, center_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).full(size_wh)
     near = np.zeros_like(whole)
     near[95:156, 140:261] = True
     assert (mask == whole & near).all()

@@ -87,4 +87,4 @@ def test_it_is_dropped_when_the_target_is_looked_for_elsewhere():
 
 def test_another_has_no_target_of_its_own():
     tracker = Lite2Tracker(networks(), memory=replace(Memory(), every=4))
-    assert tracker.another()._memory == tracker._memory
+    assert tracker.clone()._memory == tracker._memory

@@ -56,7 +56,7 @@ def test_the_c_librarys_random_numbers_go_on_for_others():
 @pytest.mark.parametrize("size_wh", [(1, 1), (4, 4), (2, 10), (100, 1)])
 def test_a_box_that_holds_no_feature_is_refused(size_wh):
     w, h = size_wh
-    with pytest.raises(ssiam.ArgumentError, match=f"mil cannot follow a box of {w}x{h} pixels"):
+    with pytest.raises(ssiam.ArgumentError, match=f"mil cannot track a box of {w}x{h} pixels"):
         ssiam.load_tracker("mil", stabilize="off").init(world(), (300, 150, w, h))
 
 
@@ -68,6 +68,6 @@ def test_what_opencv_refuses_is_told_in_one_line(name, box):
     tracker = ssiam.load_tracker(name, stabilize="off")
     tracker.init(world(), (300, 150, 40, 50))
     before = tracker.update(world())
-    with pytest.raises(ssiam.ArgumentError, match=rf"^{name} cannot follow a box of .*$"):
+    with pytest.raises(ssiam.ArgumentError, match=rf"^{name} cannot track a box of .*$"):
         tracker.init(world(), box)
     assert tracker.update(world()).box == pytest.approx(before.box, abs=2)  # as it was

@@ -67,7 +67,7 @@ def stabilize(request):
 def begun(frames, stabilize="predict", name="lite"):
     """Two trackers that have seen two frames; one is asked for what it refuses, the other not."""
     first = ssiam.load_tracker(name, stabilize=stabilize)
-    pair = first, first.another()
+    pair = first, first.clone()
     for each in pair:
         each.init(frames[0], BOX)
         each.update(frames[1])
@@ -154,7 +154,7 @@ def test_a_switch_to_what_is_no_config(frames):
         refused(pair[0].switch, config, frames[1])
     assert pair[0].config == pair[1].config
     go_on_alike(pair, frames)
-    refused(ssiam.SteadiedTracker, pair[0], "paper")
+    refused(ssiam.StabilizedTracker, pair[0], "paper")
 
 
 def groups(frames, stabilize="predict"):
@@ -182,7 +182,7 @@ def test_a_group_with_a_refused_box(frames, box):
 
 
 def late(group, frames):
-    tracker = group.another()
+    tracker = group.new_tracker()
     tracker.init(frames[1], BOX)
     return tracker
 
@@ -221,7 +221,7 @@ def test_trackers_that_may_not_join_or_leave(frames):
     refused(pair[0].join, joined, BOX)
     pair[0].leave(joined)
     refused(pair[0].leave, joined)
-    refused(pair[0].join, pair[0].another(), BOX)
+    refused(pair[0].join, pair[0].new_tracker(), BOX)
     refused(pair[0].join, None, BOX)
     other = ssiam.load_tracker("kcf", stabilize="off")
     other.init(frames[1], BOX)

@@ -8,7 +8,7 @@ from helpers.synthetic import golden_video
 from helpers.tracker_loops import LoopTests, assert_crops, crop_sides, sha256
 from ssiam import FrameView
 from ssiam.geometry import frame_centre, rigid
-from ssiam.trackers.crops import siamfc_crop
+from ssiam.trackers.reference_crops import siamfc_crop
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
 
 
@@ -31,7 +31,7 @@ def test_loop_is_the_reference(golden, monkeypatch, video):
         assert (x + (w - 1) / 2, y + (h - 1) / 2) == pytest.approx((cx, cy), abs=1e-6)
         assert (h, w) == pytest.approx(z["target_sz_hw"][t], abs=1e-6)
         assert (x + 1, y + 1, w, h) == pytest.approx(z["box_1based"][t], abs=1e-5)
-        assert tracker._search_side == pytest.approx(z["x_sz"][t], abs=1e-6)
+        assert tracker._target.search_side == pytest.approx(z["x_sz"][t], abs=1e-6)
     assert sides == np.rint(z["crop_sizes"]).tolist()
     assert_crops(z, template, search)
 

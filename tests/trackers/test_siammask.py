@@ -21,12 +21,12 @@ from helpers.tracker_loops import (
     STEADYINGS,
     LoopTests,
     assert_crops,
-    chosen_indices,
     corner_distance,
     crop_sides,
     of_this_opencv,
     picture,
     polygon_tolerance,
+    recorded_indices,
 )
 from ssiam import FrameView
 from ssiam.geometry import corners_from_xywh, map_points, rigid
@@ -54,7 +54,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     template, search = Stub(kernels), fixed_features()
     networks = SiamMaskNetworks(template, search, fixed_refinement())
     tracker = SiamMask(networks, PARAMETERS[LOOPS[name]])
-    indices, sides = chosen_indices(monkeypatch), crop_sides(monkeypatch)
+    indices, sides = recorded_indices(monkeypatch), crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     tolerance = polygon_tolerance(z)
     for t, frame in enumerate(frames[1:]):

@@ -7,10 +7,10 @@ import pytest
 
 from helpers.stub_networks import Stub, fixed_maps, kernels, seeing_maps
 from helpers.synthetic import golden_video
-from helpers.tracker_loops import LoopTests, assert_crops, chosen_indices, crop_sides, sha256
+from helpers.tracker_loops import LoopTests, assert_crops, crop_sides, recorded_indices, sha256
 from ssiam import FrameView
 from ssiam.trackers import siammask
-from ssiam.trackers.crops import siammask_crop
+from ssiam.trackers.reference_crops import siammask_crop
 from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
 
 # foolwood/SiamMask without its mask: one of its loops for upright boxes.
@@ -33,7 +33,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     parameters = LOOPS[name]
     template, search = Stub(kernels), fixed_maps(parameters.side)
     tracker = SiamRpn(SiamRpnNetworks(template, search), parameters)
-    indices, sides = chosen_indices(monkeypatch), crop_sides(monkeypatch)
+    indices, sides = recorded_indices(monkeypatch), crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1:]):
         track = tracker.track(FrameView(frame))
@@ -69,7 +69,7 @@ def test_a_first_box_is_centred_as_each_loop_does():
     authors = stub_tracker(seeing_maps(), replace(LOOPS["fool-box"], lr=0.0))
     for tracker, centre in ((pysot, (83.5, 121.5)), (authors, (84.0, 122.0))):
         tracker.init(FrameView(frames[0]), box)
-        assert tracker._state.centre_xy == centre
+        assert tracker._target.state.center_xy == centre
 
 
 class TestOnMarker(LoopTests):

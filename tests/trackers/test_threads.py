@@ -112,7 +112,7 @@ def check(monkeypatch, runtime, first, frames):
     assert len({str(found) for found in alone}) == THREADS  # else a mix-up would not show
     barrier = threading.Barrier(THREADS, timeout=WAIT)
     HOLD[runtime](monkeypatch, barrier.wait)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
         lambda tracker=tracker, box=box: followed(tracker, box, frames)
         for tracker, box in zip(trackers, BOXES, strict=True)
@@ -185,7 +185,7 @@ def test_stabilized_and_with_the_next_frame_at_hand(frames, stabilize):
     first = ssiam.load_tracker(stabilize=stabilize)
     alone = [run(first, box) for box in BOXES]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
         lambda tracker=tracker, box=box: run(tracker, box)
         for tracker, box in zip(trackers, BOXES, strict=True)
@@ -199,7 +199,7 @@ def test_opencv(frames, name):
     first = ssiam.load_tracker(name, stabilize="off")
     alone = [followed(first, box, frames) for box in BOXES]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
         lambda tracker=tracker, box=box: followed(tracker, box, frames, barrier.wait)
         for tracker, box in zip(trackers, BOXES, strict=True)

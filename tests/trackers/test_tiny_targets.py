@@ -9,8 +9,8 @@ from helpers.stub_networks import MARKER, Stub, kernels, seeing_maps
 from helpers.synthetic import generator
 from ssiam import FrameView
 from ssiam.geometry import iou
-from ssiam.trackers.lite_mask import PastedMask, turned_box
-from ssiam.trackers.siamese import TargetState, floor_overlap, smallest_size
+from ssiam.trackers.lite_mask import PastedMask, rotated_box
+from ssiam.trackers.siamese import TargetState, min_size, min_size_iou
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 
 
@@ -85,14 +85,14 @@ def test_the_references_loop_keeps_its_floor_and_its_score_knows_it(side):
     [((6, 8), (3, 4)), ((12, 40), (6, 10)), ((1, 1), (1, 1)), ((300, 20), (10, 10))],
 )
 def test_the_floor_follows_the_first_box(first, smallest):
-    assert smallest_size(first) == smallest
+    assert min_size(first) == smallest
 
 
 def test_only_a_box_on_its_floor_overlaps_less():
     state = TargetState((50.0, 50.0), (10.0, 30.0))
-    assert floor_overlap(state, np.array([5.0, 15.0])) == 0.5
-    assert floor_overlap(state, np.array([12.0, 15.0])) == 1.0
-    assert floor_overlap(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
+    assert min_size_iou(state, np.array([5.0, 15.0])) == 0.5
+    assert min_size_iou(state, np.array([12.0, 15.0])) == 1.0
+    assert min_size_iou(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
 
 
 @pytest.mark.parametrize(("side", "turned"), [((14, 6), True), ((48, 24), True)])
@@ -104,7 +104,7 @@ def test_a_small_masks_turn_is_believed(side, turned):
     rows, columns = np.nonzero(mask)
     x, y = columns.min(), rows.min()
     xywh = (float(x), float(y), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
-    found = turned_box(PastedMask(mask.astype(bool), (0, 0)), xywh)
+    found = rotated_box(PastedMask(mask.astype(bool), (0, 0)), xywh)
     edges = np.roll(found, -1, axis=0) - found
     slant = np.abs(edges / np.linalg.norm(edges, axis=1)[:, None]).min(axis=1)
     assert (slant > 0.2).all() == turned

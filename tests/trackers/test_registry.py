@@ -96,7 +96,7 @@ def test_nanotrack_follows_and_repeats(shared, version):
     weights = shared(f"data/weights/nanotrack{version}")
     runs = []
     first = ssiam.load_tracker(f"nanotrack_{version}", weights=weights, stabilize="off")
-    for tracker in (first, first.another()):
+    for tracker in (first, first.clone()):
         tracker.init(frames[0], truth[0])
         runs.append([tracker.update(frame).box for frame in frames[1:]])
     assert runs[0] == runs[1]

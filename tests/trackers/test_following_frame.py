@@ -8,7 +8,7 @@ from helpers.synthetic import generator, poses, seen, world
 from ssiam import Motion
 from ssiam.geometry import rigid
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 SIZE = (320, 240)
 BOXES = [(130.0, 90.0, 40.0, 50.0), (40.0, 40.0, 36.0, 30.0), (240.0, 150.0, 30.0, 40.0)]
@@ -86,7 +86,7 @@ def test_an_announced_frame_of_another_size_is_refused_in_its_turn(frames, annou
 class Faithful:
     """Says that the target is where the view was made to show it."""
 
-    doubt = 0.0
+    can_seek, reseek_below = True, 0.0
 
     def init(self, view, xywh):
         self.xywh = xywh
@@ -98,14 +98,14 @@ class Faithful:
         self.xywh = xywh
         return self.track(view)
 
-    def another(self):
+    def clone(self):
         return Faithful()
 
 
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
 def test_a_motion_that_is_told_is_used(frames, stabilize):
     """Frames that all show the same, and someone who says that the camera moves."""
-    tracker = SteadiedTracker(Faithful(), ssiam.StabilizerConfig(stabilize, choose=False, gate=0))
+    tracker = StabilizedTracker(Faithful(), ssiam.StabilizerConfig(stabilize, choose=False, gate=0))
     tracker.init(frames[0], BOXES[0])
     motions = [Motion.given(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
     tracks = [tracker.update(frames[0].copy(), motion=motion) for motion in motions]
@@ -120,7 +120,7 @@ def test_a_motion_that_is_told_needs_no_camera(frames):
     tracker = ssiam.load_tracker("kcf", stabilize="off")
     tracker.init(frames[0], BOXES[0])
     assert tracker.update(frames[1]).motion is None
-    assert tracker.camera() is None
+    assert tracker.new_camera() is None
 
 
 def test_a_group_is_its_trackers_on_one_motion(frames):

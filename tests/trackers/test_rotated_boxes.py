@@ -6,9 +6,8 @@ import pytest
 
 from helpers.synthetic import generator
 from helpers.tracker_loops import corner_distance, of_this_opencv
-from ssiam.trackers.mask_boxes import ellipse_box, rectangle_box
-from ssiam.trackers.mask_paste import mask_square, paste, probabilities
-from ssiam.trackers.mask_windows import refinement_windows
+from ssiam.trackers.rotated_boxes import ellipse_box, rectangle_box
+from ssiam.trackers.siammask import mask_probability, mask_square, paste_mask, refinement_windows
 
 SIZE = (320, 240)
 NAMES = [
@@ -117,21 +116,21 @@ def test_pasting_is_the_reference(functions, golden, number):
     back_box = (-square[0] * zoom, -square[1] * zoom, SIZE[0] * zoom, SIZE[1] * zoom)
     assert back_box == pytest.approx(functions[f"paste_{number}_backbox"])
     expected = golden(of_this_opencv("loops/functions"))[f"paste_{number}"]
-    np.testing.assert_allclose(paste(mask, square, SIZE)[::3, ::3], expected, atol=1e-6)
+    np.testing.assert_allclose(paste_mask(mask, square, SIZE)[::3, ::3], expected, atol=1e-6)
 
 
 def test_a_margin_only_adds_to_the_picture():
     mask = generator(1).random((127, 127), dtype=np.float32)
     square = (-30.0, -20.0, 90.0, 90.0)
-    wide = paste(mask, square, SIZE, margin=20)
+    wide = paste_mask(mask, square, SIZE, margin=20)
     assert wide.shape == (280, 360)
-    np.testing.assert_allclose(wide[20:-20, 20:-20], paste(mask, square, SIZE), atol=1e-5)
+    np.testing.assert_allclose(wide[20:-20, 20:-20], paste_mask(mask, square, SIZE), atol=1e-5)
     assert wide[:20].max() > 0
 
 
 def test_probabilities_of_any_logit():
     logits = np.linspace(-2000, 2000, 127 * 127, dtype=np.float32)[None]
-    found = probabilities(logits)
+    found = mask_probability(logits)
     assert found.dtype == np.float32
     expected = 1 / (1 + np.exp(-np.clip(logits.astype(float), -700, 700)))
     np.testing.assert_allclose(found.ravel(), expected[0], atol=1e-7)

@@ -62,7 +62,7 @@ def test_the_runtimes_agree():
 def test_two_of_them_share_their_networks_and_nothing_else():
     first = ssiam.load_tracker()
     alone = [track.box for track in followed(first)[0]]
-    second = first.another()
+    second = first.clone()
     frames, box = golden_video("A")
     others, _ = golden_video("B")
     first.init(frames[0], box)
