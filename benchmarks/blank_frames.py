@@ -28,7 +28,7 @@ import ssiam
 from shared_data import WEIGHTS, sequences
 from ssiam.datasets import Sequence
 from ssiam.geometry import iou
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.video import open_source
 
 TRACKERS = "lite,nanotrack_v1,nanotrack_v2,nanotrack_v3,csrt,kcf"
@@ -139,7 +139,7 @@ def _frames(sequence: Sequence, stop: int) -> tuple[list[np.ndarray], np.ndarray
 
 
 def followed(
-    tracker: SteadiedTracker, frames: list[np.ndarray], first: np.ndarray
+    tracker: StabilizedTracker, frames: list[np.ndarray], first: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Boxes (N, 4) and `lost` (N,) of all frames."""
     tracker.init(frames[0], first.tolist())
@@ -167,8 +167,8 @@ def main() -> None:
         tracker = ssiam.load_tracker(name, weights=weights, stabilize=chosen.stabilize)
         wrong, long, moved, back, lost_plain, count_plain = 0, 0, 0, 0, 0, 0
         for gap in cases:
-            boxes, lost = followed(tracker.another(), gap.shown, gap.truth[0])
-            plain_boxes, plain_lost = followed(tracker.another(), gap.plain, gap.truth[0])
+            boxes, lost = followed(tracker.clone(), gap.shown, gap.truth[0])
+            plain_boxes, plain_lost = followed(tracker.clone(), gap.plain, gap.truth[0])
             lost_plain, count_plain = lost_plain + plain_lost.sum(), count_plain + len(plain_lost)
             overlap = iou(boxes, gap.truth)
             length = gap.end - gap.first

@@ -41,7 +41,7 @@ def gathered(name: str, clips: list[Splice]) -> tuple[np.ndarray, list[str]]:
     return np.concatenate(rows), names
 
 
-def evidence(tracker: ssiam.SteadiedTracker, clip: Splice) -> np.ndarray:
+def evidence(tracker: ssiam.StabilizedTracker, clip: Splice) -> np.ndarray:
     """Rows (N, 2 + k): whether the box was right, whether the target was gone, the evidence."""
     rows = []
     for index, frame in enumerate(clip.frames()):

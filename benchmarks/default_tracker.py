@@ -38,12 +38,14 @@ def pictures() -> tuple[list[np.ndarray], tuple[float, ...]]:
     return images, tuple(box)
 
 
-def loaded(name: str, threads: int) -> ssiam.SteadiedTracker:
+def loaded(name: str, threads: int) -> ssiam.StabilizedTracker:
     """The tracker alone."""
     return load(name, "off", threads)
 
 
-def turn(tracker: ssiam.SteadiedTracker, images: list[np.ndarray], box: tuple[float, ...]) -> float:
+def turn(
+    tracker: ssiam.StabilizedTracker, images: list[np.ndarray], box: tuple[float, ...]
+) -> float:
     """Median seconds of a frame."""
     tracker.init(images[0], box)
     times = []

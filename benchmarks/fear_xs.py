@@ -30,7 +30,7 @@ from ssiam.runtime import Network, Tensor, load_network
 from ssiam.stabilize import FrameView, Method, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.steadied import SteadiedTracker
+from ssiam.trackers.stabilized import StabilizedTracker
 
 NAME = "fear_xs"
 TEMPLATE, SEARCH = 128, 256  # px, sides of the crops
@@ -78,7 +78,7 @@ class FearXs:
         Of the chosen cell's logit.
     """
 
-    doubt = 0.0
+    can_seek, reseek_below = True, 0.0
 
     def __init__(
         self,
@@ -122,7 +122,7 @@ class FearXs:
         self._box = whole(xywh, view.size_wh)
         return self.track(view)
 
-    def another(self) -> FearXs:
+    def clone(self) -> FearXs:
         """A second tracker on the same networks."""
         return FearXs(self._template, self._search, self._parameters, self._confidence)
 
@@ -149,14 +149,14 @@ def load(
     stabilize: Method | StabilizerConfig = "off",
     threads: int = 1,
     parameters: Parameters | None = None,
-) -> SteadiedTracker:
+) -> StabilizedTracker:
     """FEAR-XS, stabilized, as `ssiam.load_tracker` gives others."""
     template, search = (
         load_network(WEIGHTS / NAME / f"fear_{piece}.onnx", threads=threads)
         for piece in ("template", "search")
     )
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
-    return SteadiedTracker(FearXs(template, search, parameters), config)
+    return StabilizedTracker(FearXs(template, search, parameters), config)
 
 
 def grown(xywh: XYWH, share: float) -> tuple[int, int, int, int]:

@@ -8,14 +8,14 @@ import fear_xs
 import ssiam
 from shared_data import WEIGHTS
 from ssiam.stabilize import Method, StabilizerConfig
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 PEERS = (fear_xs.NAME,)
 
 
 def load(
     name: str, stabilize: Method | StabilizerConfig = "predict", threads: int = 1
-) -> SteadiedTracker:
+) -> StabilizedTracker:
     """A tracker.
 
     Parameters

@@ -39,7 +39,7 @@ from shared_data import MOT
 from ssiam.datasets import Sequence, open_dataset
 from ssiam.geometry import XYWH, iou
 from ssiam.stabilize import METHODS
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 TRACKERS = ("lite", "nanotrack_v3", "fear_xs")
 CLIPS = tuple(MOT / name for name in ("TUD-Campus", "PETS09-S3-MF1", "urban-intersection"))
@@ -95,7 +95,7 @@ def targets(clips: list[Path]) -> Iterator[Sequence]:
                 yield sequence
 
 
-def ending(tracker: SteadiedTracker, sequence: Sequence, seed: int = 0) -> Ending:
+def ending(tracker: StabilizedTracker, sequence: Sequence, seed: int = 0) -> Ending:
     """One pass over a sequence, and how it ends."""
     images = islice(sequence.images(), MOST)
     tracker.init(next(images), first_box(sequence, seed))
@@ -170,7 +170,7 @@ def main() -> None:
     for name, method in product(chosen.trackers, chosen.stabilize):
         tracker = load(name, method)
         by_seed = [
-            [ending(tracker.another(), sequence, seed) for sequence in followed]
+            [ending(tracker.clone(), sequence, seed) for sequence in followed]
             for seed in range(chosen.seeds)
         ]
         rows.append(row(f"{name} {method}", by_seed))

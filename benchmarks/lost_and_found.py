@@ -29,7 +29,7 @@ from shared_data import SEQUENCES, sequences
 from splice import Floats, Splice
 from splices import KINDS, splices
 from ssiam.stabilize import METHODS
-from ssiam.trackers.steadied import SteadiedTracker
+from ssiam.trackers.stabilized import StabilizedTracker
 
 FIND = 30  # frames to find it again
 CLAIM = 5  # frames for which something else is taken for it
@@ -55,10 +55,10 @@ def runs(name: str, stabilize: str, clips: list[Splice]) -> list[Case]:
     cv2.setNumThreads(1)
     tracker = load(name, stabilize)
     setting = f"{name} {stabilize}"
-    return [judge(setting, clip, *followed(tracker.another(), clip)) for clip in clips]
+    return [judge(setting, clip, *followed(tracker.clone(), clip)) for clip in clips]
 
 
-def followed(tracker: SteadiedTracker, clip: Splice) -> tuple[Floats, NDArray[np.bool_]]:
+def followed(tracker: StabilizedTracker, clip: Splice) -> tuple[Floats, NDArray[np.bool_]]:
     """Boxes (N, 4) and `lost` (N,) of all frames of a clip; the first box is given."""
     frames = clip.frames()
     tracker.init(next(frames), clip.truth[0].tolist())

@@ -29,7 +29,7 @@ def of_video(weights: Path, root: Path, video: str) -> list[float]:
     networks = LiteNetworks.load(weights, Running("openvino", 1))
     config = ssiam.StabilizerConfig("off")
     trackers = [LiteTracker(networks, mask_threshold=each) for each in THRESHOLDS]
-    return [jaccard(ssiam.SteadiedTracker(each, config), root, video) for each in trackers]
+    return [jaccard(ssiam.StabilizedTracker(each, config), root, video) for each in trackers]
 
 
 def of_new_videos(by_video: np.ndarray) -> float:

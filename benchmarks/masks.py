@@ -42,7 +42,7 @@ def overlap(mask: NDArray[np.bool_] | None, true: NDArray[np.bool_]) -> float:
     return float((found & true).sum() / union) if union else 1.0
 
 
-def jaccard(tracker: ssiam.SteadiedTracker, root: Path, video: str) -> float:
+def jaccard(tracker: ssiam.StabilizedTracker, root: Path, video: str) -> float:
     """J of one video."""
     pictures = sorted((root / "JPEGImages" / "480p" / video).glob("*.jpg"))
     labels = sorted((root / "Annotations" / "480p" / video).glob("*.png"))

@@ -20,7 +20,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from networks import TRACKERS, forms, measure
 from ssiam.networks import NetworkName, build_network
 from ssiam.runtime import PUBLISHED
-from ssiam.trackers.loading import SiameseName
+from ssiam.trackers.registry import SiameseName
 
 SIDE = 2048  # of the matrices
 REPEATS = 8

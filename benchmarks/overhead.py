@@ -44,9 +44,9 @@ Box = tuple[float, ...]
 class Stepwise:
     """A tracker whose updates are timed step by step."""
 
-    def __init__(self, tracker: ssiam.SteadiedTracker, frame: np.ndarray, box: Box) -> None:
+    def __init__(self, tracker: ssiam.StabilizedTracker, frame: np.ndarray, box: Box) -> None:
         self._tracker, self._box = tracker, box
-        self._camera = tracker.camera()
+        self._camera = tracker.new_camera()
         tracker.init(frame, box)
         if self._camera is not None:
             self._camera.update(frame)
@@ -56,16 +56,16 @@ class Stepwise:
         start = time.perf_counter()
         motion = None if self._camera is None else self._camera.update(frame, self._box)
         estimated = time.perf_counter()
-        expected = self._tracker.expect(motion)
+        step = self._tracker.advance(motion)
         predicted = time.perf_counter()
-        track = self._tracker.look(frame)
+        track = self._tracker.locate(frame, step)
         looked = time.perf_counter()
-        self._box = expected or track.box
+        self._box = step.predicted_xywh or track.box
         steps = pairwise((start, estimated, predicted, looked))
         return tuple(1e3 * (end - begin) for begin, end in steps)
 
 
-def loaded(name: str, method: str) -> ssiam.SteadiedTracker:
+def loaded(name: str, method: str) -> ssiam.StabilizedTracker:
     """A tracker on one thread."""
     return load(name, method)
 

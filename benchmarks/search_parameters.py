@@ -63,7 +63,7 @@ def of_setting(
     truth = np.array([seen.box(index) for index in range(len(images))])
     found = []
     for parameters in tried:
-        tracker = ssiam.SteadiedTracker(
+        tracker = ssiam.StabilizedTracker(
             LiteTracker(networks, parameters, masks=False),
             ssiam.StabilizerConfig(setting.stabilize),
         )

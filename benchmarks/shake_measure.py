@@ -26,7 +26,7 @@ from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import METHODS, StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "
@@ -49,7 +49,7 @@ class Witness:
     """A tracker that is told the camera's true motion, if any, and counts where it was lost."""
 
     def __init__(
-        self, tracker: SteadiedTracker, filmed: Filmed, motions: list[Motion] | None
+        self, tracker: StabilizedTracker, filmed: Filmed, motions: list[Motion] | None
     ) -> None:
         self._tracker, self._motions = tracker, motions
         self._order = enumerate(filmed.pictures)
@@ -71,7 +71,7 @@ class Witness:
 def chunk(out: Path, one_pass: bool, todo: list[Run]) -> int:
     """Make runs of one sequence, and write each; how many there were."""
     cv2.setNumThreads(1)
-    loaded: dict[tuple[str, str], SteadiedTracker] = {}
+    loaded: dict[tuple[str, str], StabilizedTracker] = {}
     shown = None
     for each in todo:
         if each.shaken != shown:
@@ -95,7 +95,7 @@ def film(sequence: Sequence) -> Filmed:
     )
 
 
-def load(tracker: str, setting: str) -> SteadiedTracker:
+def load(tracker: str, setting: str) -> StabilizedTracker:
     """The tracker with a setting, by their names."""
     config = StabilizerConfig(setting if setting in METHODS else "predict")
     if setting.startswith(WITHOUT):
@@ -129,18 +129,18 @@ def unshaken_motions(plain: Sequence) -> np.ndarray:
 def measured(
     each: Run,
     one_pass: bool,
-    tracker: SteadiedTracker,
+    tracker: StabilizedTracker,
     filmed: Filmed,
     motions: list[Motion] | None,
 ) -> Run:
     """The run with its figures."""
     began = time.perf_counter()
-    witness = Witness(tracker.another(), filmed, motions)
+    witness = Witness(tracker.clone(), filmed, motions)
     supervised = run(witness, filmed)
     found = replace(each, frames=len(filmed), told_lost=witness.told_lost)
     found = replace(found, **overlaps(supervised, filmed))
     if one_pass:
-        witness = Witness(tracker.another(), filmed, motions)
+        witness = Witness(tracker.clone(), filmed, motions)
         boxes = upright(run(witness, filmed, "ope").regions)
         boxes[0] = filmed.box(0)
         auc = success(boxes, upright(filmed.truth)).auc

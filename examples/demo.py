@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     print("  paper-path.png, predict-path.png   the camera's path, and what steadying did to it")
 
 
-def follow(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: Path) -> Run:
+def follow(tracker: ssiam.StabilizedTracker, truth: NDArray[np.float64], out: Path) -> Run:
     """Track through the clip, writing the video and, when steadied, the path."""
     config = tracker.config
     boxes = [truth[0]]

@@ -122,7 +122,7 @@ def refuses(call, value):
 @pytest.mark.parametrize("name", ["lite", "kcf"])
 def test_trackers_are_not_pickled(frames, name):
     tracker = ssiam.load_tracker(name)
-    for value in (tracker, ssiam.TrackerGroup(tracker), tracker.camera()):
+    for value in (tracker, ssiam.TrackerGroup(tracker), tracker.new_camera()):
         refuses(pickled, value)
     tracker.init(frames[0], BOX)
     refuses(pickled, tracker)

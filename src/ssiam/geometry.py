@@ -31,13 +31,13 @@ IDENTITY: Transform = np.eye(3)
 IDENTITY.flags.writeable = False
 
 
-def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
-    """Rotation by `angle` about `centre_xy`, followed by the shift (dx, dy).
+def rigid(dx: float, dy: float, angle: float, center_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
+    """Rotation by `angle` about `center_xy`, followed by the shift (dx, dy).
 
     Eq. 7 of the paper with its sign misprint mended. `dx`, `dy` in pixels, `angle` in radians.
     """
     cos, sin = math.cos(angle), math.sin(angle)
-    cx, cy = centre_xy
+    cx, cy = center_xy
     return np.array(
         [
             [cos, -sin, cx - cos * cx + sin * cy + dx],
@@ -48,16 +48,16 @@ def rigid(dx: float, dy: float, angle: float, centre_xy: Sequence[float] = (0.0,
 
 
 def rigid_parameters(
-    to_from_from: Transform, centre_xy: Sequence[float]
+    to_from_from: Transform, center_xy: Sequence[float]
 ) -> tuple[float, float, float]:
-    """(dx, dy, angle) of a transform at `centre_xy`: the inverse of `rigid`, eq. 4 of the paper.
+    """(dx, dy, angle) of a transform at `center_xy`: the inverse of `rigid`, eq. 4 of the paper.
 
     The shift is that of the centre itself. At the image origin a roll of half a degree would
     show up as several pixels of shift in the middle of the picture. Of transforms with more
     freedom, the angle is that of the nearest turn and zoom at the centre.
     """
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
-    x, y = centre_xy
+    x, y = center_xy
     weight = g * x + h * y + i
     new_x, new_y = (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
     turn, zoom = d - b - g * new_y + h * new_x, a + e - g * new_x - h * new_y

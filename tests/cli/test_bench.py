@@ -80,10 +80,10 @@ def test_a_sequence_that_a_tracker_cannot_begin_on_ends_no_other(tmp_path, capsy
     assert main(arguments) == 3
     told = capsys.readouterr()
     assert "1 of 3 runs have no result" in told.err
-    assert "csrt cannot follow a box of 1x1 pixels" in told.out
+    assert "csrt cannot track a box of 1x1 pixels" in told.out
     assert "2 of 3" in told.out
     reason = out / "csrt-off" / "failed" / "baseline" / "clip0.log"
-    assert "csrt cannot follow a box of 1x1 pixels" in reason.read_text()
+    assert "csrt cannot track a box of 1x1 pixels" in reason.read_text()
     assert {path.name for path in out.rglob("*_001.txt")} == {"clip1_001.txt", "clip2_001.txt"}
     # It is tried again, and only it.
     truth.write_text(whole)

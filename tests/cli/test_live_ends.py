@@ -22,10 +22,10 @@ FILES = {"video.mp4", "results.csv", "results.jsonl", *EXPORTS}
 # Runs the command with a tracker in trouble: argument 1 says in which.
 WITH_TROUBLE = """
 import sys
-from helpers import failing_trackers as troubled
+from helpers import failing_trackers
 from ssiam.cli import choice, main
-trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
-choice.TrackerChoice.load = lambda self, config: troubled.troubled_tracker(trouble)
+trouble = {"hang": failing_trackers.Hang(), "leave": failing_trackers.leave}[sys.argv[1]]
+choice.TrackerChoice.load = lambda self, config: failing_trackers.failing_tracker(trouble)
 from ssiam.web import session
 session.Session.__init__.__kwdefaults__ = {"patience": 0.5}
 sys.exit(main(sys.argv[2:]))

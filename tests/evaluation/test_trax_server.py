@@ -25,7 +25,7 @@ from ssiam.evaluation.trax_channel import protocol_alone
 from ssiam.evaluation.trax_server import serve
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 class Chatty:
     def init(self, view, xywh):
@@ -42,7 +42,7 @@ class Chatty:
         subprocess.run(["echo", "chatter"])
 
 with protocol_alone():
-    serve(SteadiedTracker(Chatty(), StabilizerConfig("off")))
+    serve(StabilizedTracker(Chatty(), StabilizerConfig("off")))
 """
 
 

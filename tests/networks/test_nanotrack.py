@@ -12,7 +12,7 @@ from ssiam.networks.lite2 import Lite2Network  # noqa: E402
 from ssiam.networks.nanotrack import folded  # noqa: E402
 from ssiam.networks.starting_weights import load_lite2  # noqa: E402
 from ssiam.runtime import Running  # noqa: E402
-from ssiam.trackers.nanotrack_networks import NanoTrackNetworks  # noqa: E402
+from ssiam.trackers.nanotrack import NanoTrackNetworks  # noqa: E402
 
 
 def crop(seed, side):

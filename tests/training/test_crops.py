@@ -42,7 +42,7 @@ def mask_with(box):
 )
 def test_a_drawn_box_is_where_the_window_says(box, shift, scale, stretch, mirrored):
     around = window_around(box, 255)
-    x, y = np.add(around.centre_xy, shift).tolist()
+    x, y = np.add(around.center_xy, shift).tolist()
     window = Window((x, y), around.side * scale, 255, stretch=stretch, mirrored=mirrored)
     found = extent(crop_mask(mask_with(box), window))
     np.testing.assert_allclose(found, window.seen(box), atol=0.5)
@@ -56,7 +56,7 @@ def test_the_target_fills_the_middle_half_of_the_template():
 
 
 def test_a_turned_window_keeps_the_centre():
-    window = replace(window_around((100, 80, 30, 30), 255), angle=0.1, centre_xy=(110.0, 90.0))
+    window = replace(window_around((100, 80, 30, 30), 255), angle=0.1, center_xy=(110.0, 90.0))
     coverage = crop_mask(mask_with((100, 80, 30, 30)), window).astype(float)
     rows, columns = np.indices(coverage.shape) - 127
     centre = (columns * coverage).sum(), (rows * coverage).sum()

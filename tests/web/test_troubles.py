@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.failing_trackers import Hang, every_tenth, leave, troubled_tracker
+from helpers.failing_trackers import Hang, every_tenth, failing_tracker, leave
 from helpers.live_clients import Client, step_until
 from helpers.live_server import SECONDS, SIZE, EndlessFeed, until
 from ssiam.errors import IncompleteError, SourceError
@@ -55,7 +55,7 @@ class Told:
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 def test_a_tracker_that_raises_every_tenth_frame_costs_these_frames(stabilize):
-    with Told(troubled_tracker(every_tenth, stabilize)) as told:
+    with Told(failing_tracker(every_tenth, stabilize)) as told:
         first, second = (told.ask(commands.Add(BOX)) for _ in range(2))
         until(lambda: sum(bool(step.targets and step.targets[0].error) for step in told.steps) >= 3)
         seen = [step for step in told.steps if len(step.targets) == 2]
@@ -77,7 +77,7 @@ def test_a_tracker_that_raises_every_tenth_frame_costs_these_frames(stabilize):
 
 
 def test_a_thread_that_dies_is_told_and_everybody_who_waits_is_answered():
-    with Told(troubled_tracker(leave)) as told:
+    with Told(failing_tracker(leave)) as told:
         told.ask(commands.Add(BOX))
         until(lambda: told.session.health.state == "failed")
         assert "SystemExit: out of the thread" in told.session.health.message
@@ -89,7 +89,7 @@ def test_a_thread_that_dies_is_told_and_everybody_who_waits_is_answered():
 
 def test_a_frame_that_does_not_end_is_told_and_commands_are_refused_until_it_does():
     hang = Hang()
-    with Told(troubled_tracker(hang), patience=0.5) as told:
+    with Told(failing_tracker(hang), patience=0.5) as told:
         told.ask(commands.Add(BOX))
         assert hang.hangs.wait(SECONDS)
         waiting = told.session.submit(commands.Pause(False))
@@ -105,7 +105,7 @@ def test_a_frame_that_does_not_end_is_told_and_commands_are_refused_until_it_doe
 
 
 def test_a_command_that_does_not_end_is_answered():
-    with Told(troubled_tracker(lambda frame: None), patience=0.3) as told:
+    with Told(failing_tracker(lambda frame: None), patience=0.3) as told:
         told.session._following._record = lambda on: time.sleep(1.5)
         with pytest.raises(CommandError, match="the command record has not come to an end"):
             told.ask(commands.Record(True))
@@ -115,7 +115,7 @@ def test_a_command_that_does_not_end_is_answered():
 
 def test_a_session_with_a_frame_that_never_ends_can_be_closed():
     hang = Hang()
-    told = Told(troubled_tracker(hang), patience=0.3)
+    told = Told(failing_tracker(hang), patience=0.3)
     with told:
         told.ask(commands.Add(BOX))
         assert hang.hangs.wait(SECONDS)
@@ -226,7 +226,7 @@ def test_everything_is_told_through_the_socket():
     hang, news = Hang(), Rota()
     with (
         Session(
-            EndlessFeed(SIZE), troubled_tracker(hang), "kcf", Recordings(), news, patience=0.5
+            EndlessFeed(SIZE), failing_tracker(hang), "kcf", Recordings(), news, patience=0.5
         ) as session,
         LiveServer(session, port=0) as server,
     ):
@@ -246,7 +246,7 @@ def test_everything_is_told_through_the_socket():
 
 def test_a_failing_tracker_is_told_in_every_step():
     with (
-        Session(EndlessFeed(SIZE), troubled_tracker(every_tenth), "kcf", Recordings()) as session,
+        Session(EndlessFeed(SIZE), failing_tracker(every_tenth), "kcf", Recordings()) as session,
         LiveServer(session, port=0) as server,
         Client(Served(session, server)) as client,
     ):

@@ -13,7 +13,7 @@ from cyclopts import Group, Parameter
 from ssiam.outputs import NamedPath
 from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import DEFAULT_TRACKER, SteadiedTracker, TrackerName, load_tracker
+from ssiam.trackers import DEFAULT_TRACKER, StabilizedTracker, TrackerName, load_tracker
 
 TARGET = Group("Target", sort_key=1)
 RUNNING = Group("Running", sort_key=9)
@@ -56,7 +56,7 @@ class TrackerChoice:
             return []
         return [("--weights", path) for path in (self.weights, *self.weights.glob("*"))]
 
-    def load(self, config: StabilizerConfig) -> SteadiedTracker:
+    def load(self, config: StabilizerConfig) -> StabilizedTracker:
         """The tracker, steadied by `config`; errors as `load_tracker`."""
         cv2.setNumThreads(self.threads)
         return load_tracker(

@@ -16,7 +16,7 @@ from ssiam.outputs import NamedPath, check_apart
 from ssiam.runtime import PUBLISHED
 from ssiam.runtime.exported import RECORD, Exported, export_folder
 from ssiam.runtime.files import cache_folder
-from ssiam.trackers import loading
+from ssiam.trackers import registry
 from ssiam.video.source_files import check_apart_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # of which a network has some
@@ -37,7 +37,7 @@ def show(*, folder: Path | None = None) -> None:
         Where to look. By default the folder of ssiam weights import, and ./weights.
     """
     print("lite: came with the package")
-    folders = loading.weight_folders() if folder is None else (folder,)
+    folders = registry.weights_folders() if folder is None else (folder,)
     for tracker, publication in PUBLISHED.items():
         found = [each / publication.local for each in folders]
         local = next((_told(path) for path in found if path.is_dir()), "not here")

@@ -48,7 +48,7 @@ class CameraPath:
     states : (N + 6, 4) float64
         dx, dy in pixels of the raw frame, angle in radians, log zoom, at whole frames; three more
         before the first frame and after the last one.
-    centre_xy : (float, float)
+    center_xy : (float, float)
         What the camera rolls and zooms about, raw-frame pixels.
     limits : (4,) float64
         How far each state may go at most; infinite without a limit.
@@ -57,7 +57,7 @@ class CameraPath:
     """
 
     states: Floats
-    centre_xy: tuple[float, float]
+    center_xy: tuple[float, float]
     limits: Floats
     corner_xy: tuple[int, int] = (0, 0)
 
@@ -75,7 +75,7 @@ class CameraPath:
 
     def _transforms(self, states: Floats) -> Transform:
         dx, dy, angle, log_zoom = np.moveaxis(states, -1, 0)
-        (cx, cy), (left, top) = self.centre_xy, self.corner_xy
+        (cx, cy), (left, top) = self.center_xy, self.corner_xy
         cos, sin = np.exp(log_zoom) * np.cos(angle), np.exp(log_zoom) * np.sin(angle)
         shaken_from_raw = np.zeros((*dx.shape, 3, 3))
         shaken_from_raw[..., 0, 0] = shaken_from_raw[..., 1, 1] = cos

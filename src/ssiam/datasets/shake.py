@@ -123,7 +123,7 @@ def _cropped(path: CameraPath, shake: Shake, size_wh: tuple[int, int]) -> Camera
     """The path within its reach, and the window that stays inside of the raw picture on it."""
     limits = _REACH * shake.strength * deviations(shake.kind, size_wh[0])
     dx, dy, angle, log_zoom = limits.tolist()
-    x, y = path.centre_xy
+    x, y = path.center_xy
     small = -math.expm1(-log_zoom)
     corner_xy = math.ceil(x * small + dx + angle * y), math.ceil(y * small + dy + angle * x)
     return replace(path, limits=limits, corner_xy=corner_xy)

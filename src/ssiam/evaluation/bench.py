@@ -25,7 +25,7 @@ from ssiam.evaluation.regions import upright
 from ssiam.evaluation.shaken_results import shaken_folder, write_shake
 from ssiam.evaluation.trajectory import Status, Trajectory
 from ssiam.geometry import iou
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 _log = logging.getLogger(__name__)
 
@@ -228,5 +228,5 @@ def _dataset(path: Path, kind: str) -> Dataset:
 
 
 @lru_cache(maxsize=_LOADED)
-def _tracker(entry: Entry, threads: int) -> SteadiedTracker:
+def _tracker(entry: Entry, threads: int) -> StabilizedTracker:
     return entry.load(threads)

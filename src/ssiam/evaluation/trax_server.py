@@ -10,7 +10,7 @@ from typing import Any
 from ssiam.datasets.sequence import image_levels, read_image
 from ssiam.errors import MissingExtraError, StreamError, one_line
 from ssiam.evaluation.trax_regions import answer, start_box
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.video.levels import Levels
 
 
@@ -20,7 +20,7 @@ def check_trax() -> None:
         raise MissingExtraError("a TraX server needs vot-trax: pip install 'ssiam[vot]'")
 
 
-def serve(tracker: SteadiedTracker) -> None:
+def serve(tracker: StabilizedTracker) -> None:
     """Answer a TraX client on standard input and output until it quits.
 
     Call it inside `ssiam.evaluation.trax_channel.protocol_alone`. The client may start the

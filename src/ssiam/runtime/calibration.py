@@ -183,10 +183,10 @@ def _no_advice(record: logging.LogRecord) -> bool:
     return "pre-process" not in record.getMessage()
 
 
-def _crop(picture: Any, centre_xy: Any, side: float, out: int) -> Tensor:
+def _crop(picture: Any, center_xy: Any, side: float, out: int) -> Tensor:
     """Square of a picture as networks take it, (1, 3, out, out); grey where it lies outside."""
     scale = side / out
-    left, top = centre_xy - side / 2
+    left, top = center_xy - side / 2
     picture_from_crop = np.array([[scale, 0, left], [0, scale, top]])
     crop = cv2.warpAffine(
         np.ascontiguousarray(picture),

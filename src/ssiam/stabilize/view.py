@@ -53,7 +53,7 @@ class FrameView:
         """Whether this view shows the raw frame as it is."""
         return bool(np.array_equal(self.stab_from_raw, IDENTITY))
 
-    def crop(self, centre_xy: tuple[float, float], side: int, out: int, fill: Colour) -> Image:
+    def crop(self, center_xy: tuple[float, float], side: int, out: int, fill: Colour) -> Image:
         """Square of `side` steadied pixels around a point, resized to (out, out, 3) uint8.
 
         What lies outside of the frame gets the colour `fill`, its fractions cut off. On an
@@ -61,7 +61,7 @@ class FrameView:
         bit, its rounding of the corner included; on a steadied one it is the same square.
         """
         # The references take the corner at centre - (side + 1) / 2, rounded half up.
-        left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in centre_xy)
+        left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in center_xy)
         colour = np.trunc(fill).tolist()
         if self.is_raw:
             return _subwindow(self.raw, left, top, side, out, colour)

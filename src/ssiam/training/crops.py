@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import XYWH, Image, Transform, map_points
-from ssiam.trackers.siamese import EXEMPLAR, TargetState
+from ssiam.trackers.siamese import TEMPLATE_SIDE, TargetState
 from ssiam.training.batches import MASK, MASK_STRIDE, SEARCH
 from ssiam.training.sources import Mask
 
@@ -21,7 +21,7 @@ class Window:
 
     Attributes
     ----------
-    centre_xy : (float, float)
+    center_xy : (float, float)
         What is seen in the middle of the crop; pixels of the picture, counted at their centres.
     side : float
         Side of the square, pixels of the picture.
@@ -35,7 +35,7 @@ class Window:
         Whether left and right are exchanged.
     """
 
-    centre_xy: tuple[float, float]
+    center_xy: tuple[float, float]
     side: float
     out: int
     stretch: float = 1.0
@@ -57,20 +57,20 @@ class Window:
         linear = linear @ np.array([[cos, -sin], [sin, cos]])
         matrix = np.eye(3)
         matrix[:2, :2] = linear
-        matrix[:2, 2] = (self.out - 1) / 2 - linear @ self.centre_xy
+        matrix[:2, 2] = (self.out - 1) / 2 - linear @ self.center_xy
         return matrix
 
     def seen(self, xywh: XYWH) -> NDArray[np.float64]:
         """Centre x, y from the crop's middle pixel, width, height (4,) of a box of the picture."""
         crop_from_frame = self.crop_from_frame
         across, down = self.zooms
-        centre = crop_from_frame[:2, :2] @ np.subtract(centre_of(xywh), self.centre_xy)
+        centre = crop_from_frame[:2, :2] @ np.subtract(centre_of(xywh), self.center_xy)
         return np.array([*centre, xywh[2] * across, xywh[3] * down])
 
     def seen_of(self, mask: Mask) -> NDArray[np.float64]:
         """The same (4,) of the box around a mask (H, W) that is not empty, however it is turned."""
         hull = cv2.convexHull(cv2.findNonZero(mask.astype(np.uint8)))[:, 0]
-        places = (hull - np.array(self.centre_xy)) @ self.crop_from_frame[:2, :2].T
+        places = (hull - np.array(self.center_xy)) @ self.crop_from_frame[:2, :2].T
         low, high = places.min(axis=0), places.max(axis=0)
         return np.concatenate([(low + high) / 2, high - low + self.zooms])
 
@@ -91,7 +91,7 @@ class Window:
 
 def centre_of(xywh: XYWH) -> tuple[float, float]:
     """The middle of a box's pixels, (w - 1) / 2 from the first one."""
-    return TargetState.from_xywh(xywh).centre_xy
+    return TargetState.from_xywh(xywh).center_xy
 
 
 def window_around(xywh: XYWH, out: int) -> Window:
@@ -101,7 +101,7 @@ def window_around(xywh: XYWH, out: int) -> Window:
     with c = (w + h) / 2; a larger crop has the same zoom.
     """
     state = TargetState.from_xywh(xywh)
-    return Window(state.centre_xy, state.context_side * out / EXEMPLAR, out)
+    return Window(state.center_xy, state.context_side * out / TEMPLATE_SIDE, out)
 
 
 def crop_picture(image: Image, window: Window, behind: Image | None = None) -> Image:

@@ -150,6 +150,6 @@ def _varied_window(
     upright = Window(centre_of(shot.xywh), 1.0, 1, angle=angle, mirrored=mirrored)
     box = upright.seen_of(mask)
     center = upright.crop_from_frame[:2, :2].T @ (box[:2] + off * box[2:])
-    at = (upright.centre_xy[0] + float(center[0]), upright.centre_xy[1] + float(center[1]))
+    at = (upright.center_xy[0] + float(center[0]), upright.center_xy[1] + float(center[1]))
     w, h = (box[2:] * scale).tolist()
     return replace(box_window(at, (w, h)), angle=angle, mirrored=mirrored)

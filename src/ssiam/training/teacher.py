@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from ssiam.networks.efficientnet_lite import CHANNELS
 from ssiam.networks.lite import LiteResponses
 from ssiam.runtime import Running
-from ssiam.trackers.nanotrack_networks import NanoTrackNetworks
+from ssiam.trackers.nanotrack import NanoTrackNetworks
 from ssiam.training.losses import overlaps
 from ssiam.training.settings import TeacherSettings
 from ssiam.training.targets import decoded

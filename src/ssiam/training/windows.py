@@ -125,7 +125,7 @@ def window_away(
     turn, far = rng.uniform(-np.pi, np.pi), least * rng.uniform(1.0, 1.6)
     direction = np.array([np.cos(turn), np.sin(turn)])
     away = shifted(window, far / np.abs(direction).max() * direction)
-    (x, y), (width, height) = away.centre_xy, size_wh
+    (x, y), (width, height) = away.center_xy, size_wh
     inside = 0 <= x < width and 0 <= y < height
     return away if inside and is_clear(away, xywh) else None
 
@@ -145,8 +145,8 @@ def is_clear(window: Window, xywh: XYWH) -> bool:
 def shifted(window: Window, offset_xy: NDArray[np.float64]) -> Window:
     """The window moved so that what was in its middle is seen (2,) crop pixels from there."""
     frame_from_crop = np.linalg.inv(window.crop_from_frame[:2, :2])
-    x, y = np.subtract(window.centre_xy, frame_from_crop @ offset_xy).tolist()
-    return replace(window, centre_xy=(x, y))
+    x, y = np.subtract(window.center_xy, frame_from_crop @ offset_xy).tolist()
+    return replace(window, center_xy=(x, y))
 
 
 def _varied(

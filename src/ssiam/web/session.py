@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 from ssiam.copying import NotCopied
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.web.commands import Command, Hold
 from ssiam.web.errors import CommandError, Health, Note
 from ssiam.web.feeds.feed import Feed, open_feed
@@ -47,7 +47,7 @@ class Session(NotCopied):
     ----------
     feed : Feed
         Where frames come from; closed with the session.
-    tracker : SteadiedTracker
+    tracker : StabilizedTracker
         The targets' trackers are made from it.
     name : str
         The tracker's.
@@ -63,7 +63,7 @@ class Session(NotCopied):
     def __init__(
         self,
         feed: Feed,
-        tracker: SteadiedTracker,
+        tracker: StabilizedTracker,
         name: str,
         recordings: Recordings,
         news: Rota[Note] | None = None,
@@ -90,7 +90,7 @@ class Session(NotCopied):
     def open(
         cls,
         source: str,
-        tracker: SteadiedTracker,
+        tracker: StabilizedTracker,
         *,
         name: str = "tracker",
         pace: Literal["clock", "fast"] = "clock",
@@ -105,7 +105,7 @@ class Session(NotCopied):
         source : str
         pace : {"clock", "fast"}
             Both as `open_feed` takes them, which tells the errors.
-        tracker : SteadiedTracker
+        tracker : StabilizedTracker
         name : str
             The tracker's, for people.
         recordings : Path, optional

@@ -11,7 +11,7 @@ from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker, TrackerGroup
+from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
 from ssiam.web.errors import CommandError
 from ssiam.web.step import Target
@@ -28,7 +28,7 @@ class _Followed:
     colour: str
     index: int  # of the frame in which it was drawn
     xywh: XYWH
-    tracker: SteadiedTracker | None = None
+    tracker: StabilizedTracker | None = None
     track: Track | None = None
     found: bool = False
     error: str = ""
@@ -42,7 +42,7 @@ class Targets:
 
     Parameters
     ----------
-    tracker : SteadiedTracker
+    tracker : StabilizedTracker
         The targets' trackers are made from it.
     most : int
         How many targets there may be.
@@ -51,7 +51,7 @@ class Targets:
     """
 
     def __init__(
-        self, tracker: SteadiedTracker, most: int, failed: Callable[[str, Exception], str]
+        self, tracker: StabilizedTracker, most: int, failed: Callable[[str, Exception], str]
     ) -> None:
         self._group = TrackerGroup(tracker, keep_going=True)
         self._failed = failed
@@ -107,7 +107,7 @@ class Targets:
         if len(self._followed) >= self._most:
             raise CommandError("too-many-targets", f"{self._most} targets are followed already")
         name = _checked(name or f"target {self._given + 1}")
-        tracker = self._group.another()
+        tracker = self._group.new_tracker()
         try:
             tracker.init(frames[0].image, xywh)
         except ArgumentError as error:
@@ -163,7 +163,7 @@ class Targets:
         for each in list(self._followed):
             if each.tracker is not None or frame.index < each.index:
                 continue
-            tracker = self._group.another()
+            tracker = self._group.new_tracker()
             try:
                 tracker.init(frame.image, each.xywh)
             except Exception as error:
