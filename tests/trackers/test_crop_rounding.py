@@ -1,0 +1,57 @@
+"""Search crops are cut at whole pixels; boxes count from where they were cut."""
+
+import numpy as np
+import pytest
+
+from helpers.stub_networks import MARKER, Stub, marked
+from ssiam import FrameView
+from ssiam.trackers.lite import LiteNetworks, LiteTracker
+from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker
+
+SIDE = 63.5  # px: the search crop is then as large as the network's input, and is not resized
+CENTER = (200.0, 150.0)
+
+
+def marker_search(cells, stride, extra=()):
+    """A search network whose cells all give the marker's box, in whole pixels of the crop."""
+
+    def answer(t, crop, *kernels):
+        rows, columns = np.nonzero(marked(crop[0]))
+        middle = crop.shape[-1] / 2
+        left, right = columns.min() - middle, columns.max() + 1 - middle
+        top, bottom = rows.min() - middle, rows.max() + 1 - middle
+        at = (np.arange(cells) - (cells - 1) / 2) * stride
+        y, x = np.meshgrid(at, at, indexing="ij")
+        distances = np.stack([x - left, y - top, right - x, bottom - y])[None]
+        logits = np.full((1, 1, cells, cells), 8, np.float32)
+        return [logits, logits, distances.astype(np.float32), *extra]
+
+    return Stub(answer)
+
+
+def lite():
+    search = marker_search(32, 8, [np.zeros((1, 1, 64, 64), np.float32)])
+    return LiteTracker(LiteNetworks(Stub(lambda t, crop: [crop]), search))
+
+
+def lite2():
+    context = np.zeros((1, 1), np.float32)
+    return Lite2Tracker(Lite2Networks(Stub(lambda t, crop: [crop, context]), marker_search(15, 16)))
+
+
+def frame():
+    """A frame with a square of 64 pixels around `CENTER`."""
+    image = np.full((300, 400, 3), 90, np.uint8)
+    image[118:182, 168:232] = MARKER
+    return image
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.3, -0.4), (-0.7, 0.8), (5.45, -3.55)])
+@pytest.mark.parametrize("tracker", [lite, lite2])
+def test_the_center_does_not_depend_on_where_the_crop_was_cut(tracker, offset):
+    built = tracker()
+    x, y = (center + d - SIDE / 2 for center, d in zip(CENTER, offset, strict=True))
+    view = FrameView(frame())
+    built.init(view, (x, y, SIDE, SIDE))
+    x, y, w, h = built.track(view).box
+    assert (x + w / 2, y + h / 2) == pytest.approx(CENTER, abs=1e-3)
