@@ -97,8 +97,8 @@ def test_candidates_near_the_target_are_never_excluded(tracker):
     (x, y), (target_x, target_y) = DISTRACTOR, TARGET
     beside = target_x + 0.6 * SIZE
     for t in np.linspace(0, 1, 8):
-        moving = (x + t * (beside - x), y + t * (target_y - y), 0.3)
-        best_of(tracker, TARGET, (*TARGET, 0.6), moving)
+        moving_marker = (x + t * (beside - x), y + t * (target_y - y), 0.3)
+        best_of(tracker, TARGET, (*TARGET, 0.6), moving_marker)
     excluded = flags(tracker, score_map((*TARGET, 0.3), (beside, target_y, 0.7)), TARGET)
     assert excluded[cell((beside, target_y))]
     nearer = np.linalg.norm(POSITIONS - TARGET, axis=1) < 0.2 * SIZE

@@ -1,4 +1,4 @@
-"""Rotated boxes of masks and pasting, against the references and on known shapes."""
+"""Rotated boxes and pasted masks, against the references and on known shapes."""
 
 import cv2
 import numpy as np
@@ -38,7 +38,7 @@ def mask_of(functions, name):
     return bits.reshape(SIZE[1], SIZE[0]).astype(bool)
 
 
-def test_all_masks_are_looked_at(functions):
+def test_all_masks_of_the_golden_file_are_tested(functions):
     assert list(functions["mask_names"]) == NAMES
 
 
@@ -57,15 +57,15 @@ def test_boxes_are_the_references(functions, golden, kind, fit, name):
         assert corner_distance(box, expected) < 1e-4
 
 
-def turned_ellipse(angle, centre=(150, 110), axes=(120, 50)):
+def rotated_ellipse(angle, center=(150, 110), axes=(120, 50)):
     canvas = np.zeros((SIZE[1], SIZE[0]), np.uint8)
-    return cv2.ellipse(canvas, (centre, axes, angle), 1, -1).astype(bool)
+    return cv2.ellipse(canvas, (center, axes, angle), 1, -1).astype(bool)
 
 
 @pytest.mark.parametrize("angle", [0, 30, 60, 90, 135])
 @pytest.mark.parametrize("fit", [rectangle_box, ellipse_box])
-def test_a_turned_ellipse_gets_its_box(fit, angle):
-    box = fit(turned_ellipse(angle))
+def test_the_box_of_a_rotated_ellipse(fit, angle):
+    box = fit(rotated_ellipse(angle))
     sides = np.sort(np.linalg.norm(np.diff(box[:3], axis=0), axis=1))
     np.testing.assert_allclose(box.mean(axis=0), (150, 110), atol=1.0)
     np.testing.assert_allclose(sides, (50, 120), atol=4.0)
@@ -74,8 +74,8 @@ def test_a_turned_ellipse_gets_its_box(fit, angle):
     assert along == pytest.approx(np.linalg.norm(long_side), rel=5e-3)
 
 
-def test_the_refinement_only_takes_away():
-    mask = turned_ellipse(30) | turned_ellipse(120, centre=(190, 130), axes=(60, 10))
+def test_the_refinement_only_shrinks_the_box():
+    mask = rotated_ellipse(30) | rotated_ellipse(120, center=(190, 130), axes=(60, 10))
     areas = [cv2.contourArea(ellipse_box(mask, f).astype(np.float32)) for f in (None, 0.1, 0.4)]
     assert areas[0] >= areas[1] > areas[2]
 
@@ -99,7 +99,7 @@ def test_odd_masks_give_finite_boxes_or_none(shape, factor):
 
 
 def test_a_degenerate_ellipse_falls_back_to_the_rectangle(monkeypatch):
-    mask = turned_ellipse(30)
+    mask = rotated_ellipse(30)
     expected = rectangle_box(mask)
     for ellipse in (((9999.0, 9999.0), (3.0, 4.0), 10.0), ((1.0, float("nan")), (3.0, 4.0), 10.0)):
         monkeypatch.setattr(cv2, "fitEllipse", lambda contour, ellipse=ellipse: ellipse)
@@ -110,8 +110,8 @@ def test_a_degenerate_ellipse_falls_back_to_the_rectangle(monkeypatch):
 def test_pasting_is_the_reference(functions, golden, number):
     x, y, side, _, column, row = functions[f"paste_{number}_in"]
     mask = (np.arange(127 * 127, dtype=np.float32) / (127 * 127)).reshape(127, 127)
-    centre = (x + side / 2, y + side / 2)
-    square = mask_square(centre, int(side), (int(row), int(column)), 255, 8)
+    center = (x + side / 2, y + side / 2)
+    square = mask_square(center, int(side), (int(row), int(column)), 255, 8)
     zoom = 127 / square[2]
     back_box = (-square[0] * zoom, -square[1] * zoom, SIZE[0] * zoom, SIZE[1] * zoom)
     assert back_box == pytest.approx(functions[f"paste_{number}_backbox"])
@@ -119,7 +119,7 @@ def test_pasting_is_the_reference(functions, golden, number):
     np.testing.assert_allclose(paste_mask(mask, square, SIZE)[::3, ::3], expected, atol=1e-6)
 
 
-def test_a_margin_only_adds_to_the_picture():
+def test_a_margin_extends_the_pasted_mask():
     mask = generator(1).random((127, 127), dtype=np.float32)
     square = (-30.0, -20.0, 90.0, 90.0)
     wide = paste_mask(mask, square, SIZE, margin=20)
@@ -128,7 +128,7 @@ def test_a_margin_only_adds_to_the_picture():
     assert wide[:20].max() > 0
 
 
-def test_probabilities_of_any_logit():
+def test_mask_probability_of_any_logit():
     logits = np.linspace(-2000, 2000, 127 * 127, dtype=np.float32)[None]
     found = mask_probability(logits)
     assert found.dtype == np.float32

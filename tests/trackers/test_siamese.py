@@ -21,7 +21,7 @@ ANCHORS = [(104, 32), (88, 40), (64, 64), (40, 80), (32, 96)]
 
 
 def stub_candidates(t):
-    """Boxes (4, 5 * 25 * 25) and scores of the reference's stub maps for tracked frame t."""
+    """Boxes (4, 5 * 25 * 25) and scores of the reference's stub maps in frame t."""
     cls = generator(1000 + t).standard_normal((1, 10, SIDE, SIDE)).astype(np.float32)
     loc = (0.3 * generator(2000 + t).standard_normal((1, 20, SIDE, SIDE))).astype(np.float32)
     background, foreground = cls.reshape(2, -1).astype(np.float64)
@@ -65,7 +65,7 @@ def test_clipping_is_the_reference(golden):
         assert (*after.center_xy, *after.size_wh) == pytest.approx(clipped)
 
 
-def test_a_steadied_centre_is_kept_inside_of_the_raw_frame():
+def test_centers_are_clamped_to_the_raw_frame():
     stab_from_raw = rigid(50, -30, 0.1, (319.5, 179.5))
     view = FrameView(world(), stab_from_raw)
     state = TargetState((100.0, 100.0), (40.0, 40.0))
@@ -73,4 +73,4 @@ def test_a_steadied_centre_is_kept_inside_of_the_raw_frame():
     raw = map_points(view.raw_from_stab, [far.center_xy])[0]
     assert raw[0] == pytest.approx(640)
     near = next_state(state, np.array([590.0, 40.0, 40.0, 40.0]), 1.0, 1.0, view)
-    assert near.center_xy == (690.0, 140.0)  # beyond 640, but the raw frame shows it
+    assert near.center_xy == (690.0, 140.0)  # beyond 640, but inside of the raw frame
