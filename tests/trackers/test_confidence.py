@@ -62,17 +62,17 @@ def features(inside, box):
         pytest.param((16, 32, 1, 1), id="smaller than a cell"),
     ],
 )
-def test_only_what_is_in_the_box_is_looked_at(box):
+def test_only_features_in_the_box_are_averaged(box):
     """cx goes with columns and cy with rows; nothing from outside of the box."""
-    seen = box_feature(features((0.0, 7.0), box), STRIDE, np.array(box, float))
-    np.testing.assert_allclose(seen, (0, 1), atol=1e-12)
+    feature = box_feature(features((0.0, 7.0), box), STRIDE, np.array(box, float))
+    np.testing.assert_allclose(feature, (0, 1), atol=1e-12)
 
 
-def test_a_look_is_the_direction_of_the_mean():
+def test_the_feature_is_the_direction_of_the_mean():
     noise = generator(3).normal(0, 1, (1, 24, SIDE, SIDE)).astype(np.float32)
-    seen = box_feature(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
+    feature = box_feature(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
     mean = noise[0].mean(axis=(1, 2), dtype=np.float64)
-    np.testing.assert_allclose(seen, mean / np.linalg.norm(mean), atol=1e-6)
+    np.testing.assert_allclose(feature, mean / np.linalg.norm(mean), atol=1e-6)
     part = box_feature(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
     assert np.linalg.norm(part) == pytest.approx(1)
     np.testing.assert_allclose(
@@ -89,14 +89,14 @@ def test_boxes_outside_of_the_map_use_its_nearest_features(cx, cy, extent):
     x, y, one = box_feature(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
     assert np.hypot(np.hypot(x, y), one) == pytest.approx(1)
     if extent < 100:
-        for found, wanted in ((x, cx), (y, cy)):
-            nearest = np.clip(wanted, POSITIONS[0], POSITIONS[-1])
+        for found, position in ((x, cx), (y, cy)):
+            nearest = np.clip(position, POSITIONS[0], POSITIONS[-1])
             assert abs(found / one * 64 - nearest) <= STRIDE
 
 
 def test_zero_features_stay_zero():
-    seen = box_feature(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
-    np.testing.assert_array_equal(seen, 0)
+    feature = box_feature(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
+    np.testing.assert_array_equal(feature, 0)
 
 
 def test_values_at_the_baseline_or_above_have_no_drop():

@@ -83,8 +83,8 @@ NOISE = np.random.default_rng(0).normal(0, 4, (1, 1, 64, 64)).astype(np.float32)
 EVERYWHERE = (-5000.0, -5000.0, 10000.0, 10000.0)
 
 
-def test_a_mask_is_pasted_where_its_crop_was_cut():
-    """The four pixels of a cell, in a crop of the marker_frame's own size."""
+def test_a_mask_is_pasted_at_its_crop():
+    """A cell covers 4 by 4 pixels in a crop that is not resized."""
     logits = np.full((1, 1, 64, 64), -20, np.float32)
     logits[0, 0, 30, 40] = 20
     mask = pasted_mask(logits, (200.0, 180.0), 255, EVERYWHERE, (400, 300)).full((400, 300))
@@ -99,7 +99,7 @@ def test_a_mask_is_pasted_where_its_crop_was_cut():
 )
 @pytest.mark.parametrize("margin", [0, 50])
 def test_a_mask_is_cut_at_the_edges_of_the_frame(center_xy, margin):
-    """Of a crop over the edge, or beyond it: the pixels are those of a larger marker_frame."""
+    """For crops across and beyond the edge, its pixels are those of a larger frame."""
     far = 1000
     shifted_xy = center_xy[0] + far, center_xy[1] + far
     larger = pasted_mask(NOISE, shifted_xy, 400, EVERYWHERE, (3000, 3000))

@@ -207,7 +207,7 @@ def test_tracks_that_are_not_lost_have_mask_and_corners():
 
 @pytest.mark.parametrize("kind", ["kcf", "scripted"])
 def test_with_find_off_no_target_is_ever_lost(kind):
-    tracks, _ = tracked(kind, *covered(), replace(CONFIG, find=False))
+    tracks, _ = tracked(kind, *covered(), ssiam.StabilizerConfig("predict", find=False))
     assert not any(track.lost for track in tracks)
 
 

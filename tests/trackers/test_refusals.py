@@ -234,7 +234,7 @@ def test_a_group_without_init(frames):
     with pytest.raises(ArgumentError, match="no target yet"):
         group.update(frames[0])
     with pytest.raises(ArgumentError, match="no target yet"):
-        group.join(late(group, frames), BOX)
+        group.join(new_tracker(group, frames), BOX)
     refused(group.init, frames[0], [None])
     with pytest.raises(ArgumentError, match="no target yet"):
         group.update(frames[0])

@@ -109,9 +109,7 @@ HOLD = {"openvino": hold_openvino, "onnxruntime": hold_onnxruntime, "torch": hol
 def check(monkeypatch, runtime, first, frames):
     """Four trackers in four threads against one after the other, each on its own target."""
     alone = [tracked(first, box, frames) for box in BOXES]
-    assert (
-        len({str(found) for found in alone}) == THREADS
-    )  # otherwise a mix-up would not be noticed
+    assert len({str(found) for found in alone}) == THREADS  # so that a mix-up is noticed
     barrier = threading.Barrier(THREADS, timeout=WAIT)
     HOLD[runtime](monkeypatch, barrier.wait)
     trackers = [first, *(first.clone() for _ in BOXES[1:])]

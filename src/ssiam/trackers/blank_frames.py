@@ -1,4 +1,4 @@
-"""`BlankFrameDetector`: whether a frame shows anything where the tracker would search.
+"""`BlankFrameDetector`: finds frames in which there is nothing to track.
 
 A black, white or torn frame carries no evidence, but a network returns a box for it all the same:
 the box drifts, its size shrinks, and the running statistics of the score are corrupted. Such a
@@ -41,7 +41,7 @@ class BlankFrameDetector:
         self._frames_blank = 0  # consecutive frames before this one
 
     def is_blank(self, frame: Image, xywh: XYWH, *, lost: bool) -> bool:
-        """Whether `frame` shows nothing around the box `xywh`; call it once for each frame.
+        """Whether `frame` is blank around the box `xywh`; call it once for each frame.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class BlankFrameDetector:
 
 
 def _is_flat(frame: Image, xywh: XYWH | None) -> bool:
-    """Whether the area around a box, or the whole frame, shows nothing but noise."""
+    """Whether the area around a box, or the whole frame, contains nothing but noise."""
     height, width = frame.shape[:2]
     left, top, right, bottom = 0, 0, width, height
     if xywh is not None:

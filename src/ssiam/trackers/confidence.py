@@ -38,7 +38,7 @@ _MAX_DROP: Final = 0.2  # larger drops saturate
 _SAMPLES: Final = 16  # along the geometric mean of the target's sides
 _MIN_SAMPLES, _MAX_SAMPLES = 6, 48  # along one side
 _OVERSAMPLING: Final = 2  # finer samples along each side that are averaged into one
-_MAX_OFFSET: Final = 2  # samples by which a box may be off
+_MAX_OFFSET: Final = 2  # samples by which a box may be displaced
 _MIN_DEVIATION: Final = 1.0  # gray levels, standard deviation of a usable template
 
 
@@ -72,7 +72,7 @@ class RunningBaseline:
         """Difference of a value to the baseline, 0 or negative; then the baseline is updated.
 
         Small drops are ignored, large drops saturate. A value far below the baseline is only
-        averaged into it if the tracker is `confident` for another reason.
+        averaged into it if the tracker is `confident` by other evidence.
         """
         if self._mean is None:
             self._mean = value

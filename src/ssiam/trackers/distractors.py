@@ -1,10 +1,10 @@
-"""`DistractorTracker`: objects next to the target that look like it.
+"""`DistractorTracker`: similar objects next to the target.
 
 In a single frame a distractor may match the template better than the target does, and a tracker
 that takes the best candidate of each frame switches to it. The positions distinguish the two:
 other peaks of the score map are tracked from frame to frame, and a peak that has had a lower
 score than the target for several frames is excluded, as long as something is visible at the
-target's position and the target's own score has been high of late. (KeepTrack, Mayer et al.,
+target's position and the target's score has been high of late. (KeepTrack, Mayer et al.,
 ICCV 2021, learns to associate such candidates; here only their positions are used.)
 """
 
@@ -54,7 +54,7 @@ class ScoredCandidates:
     peaks : list of int
         Indices of the highest local maxima, one for each object.
     is_distractor : (n,) bool
-        Candidates that show a distractor.
+        Candidates that belong to a distractor.
     """
 
     positions_xy: Floats
@@ -80,10 +80,10 @@ class DistractorTracker:
         self._target_score = 0.0  # running mean
 
     def detect(self, positions_xy: Floats, score: Floats, last: TargetState) -> ScoredCandidates:
-        """Which candidates show a known distractor.
+        """Find the candidates that belong to a known distractor.
 
-        None does if the target itself is not visible, or its running score is low: one of the
-        peaks may be the target.
+        There are none if the target is not visible at its position, or its running score is low:
+        one of the peaks may be the target.
 
         Parameters
         ----------

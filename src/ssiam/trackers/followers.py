@@ -232,7 +232,7 @@ class PredictiveFollower:
     ) -> Track:
         """The better of `track` and a search where a moving target would be after a gap.
 
-        If both positions show something like the target the result is ambiguous: the score is 0.
+        If there are similar objects at both positions the result is ambiguous: the score is 0.
         """
         (x, y, w, h), size = search_xywh, math.sqrt(track.box[2] * track.box[3])
         if not self._loss.lost or math.hypot(*shift_xy) < _DISTINCT * size:
@@ -284,7 +284,7 @@ class PredictiveFollower:
         return track.score > _CERTAIN or self._reachable.contains(track.box)
 
     def _search_box(self, frames_lost: int) -> XYWH:
-        """The box around which a search looks in this frame."""
+        """The box around which a lost target is searched in this frame."""
         x, y, w, h = self._before_cut_xywh if frames_lost % 4 == 2 else self._last_xywh
         least, most = _SEARCH_REACH
         reach = min(least + _SEARCH_GROWTH * frames_lost, most) * math.sqrt(w * h)

@@ -25,7 +25,7 @@ class TrackerGroup(NotPickled):
     Threads: one thread at a time for the group and its trackers; several groups may run at once.
 
     The camera's motion is estimated once per frame, with all targets excluded, and the trackers
-    share their networks. What holds for copies and pickles of its trackers holds for a group.
+    share their networks. A group can be copied if its trackers can, and not pickled.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ class TrackerGroup(NotPickled):
     motion : Motion or None
         The camera's motion to the last frame; None with ``stabilize="off"``.
     failures : mapping of int to Exception
-        What trackers raised in the last `update` or `switch`, by the index of their box; empty
+        Exceptions of trackers in the last `update` or `switch`, by the index of their box; empty
         unless `keep_going`.
     camera_failure : Exception or None
-        What the motion estimate raised.
+        Exception of the motion estimate in the last `update`.
     """
 
     _instead = "make one in each process of a tracker loaded there"

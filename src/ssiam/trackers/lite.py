@@ -91,7 +91,7 @@ class LiteNetworks:
 
 @dataclass
 class _Target:
-    """What the loop stores of its target."""
+    """State of the target."""
 
     state: TargetState
     min_wh: tuple[float, float]

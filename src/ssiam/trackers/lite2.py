@@ -109,7 +109,7 @@ class Lite2Networks:
 
 @dataclass
 class _Target:
-    """What the loop stores of its target."""
+    """State of the target."""
 
     state: TargetState
     kernels: list[Tensor]  # of the first template, its context last

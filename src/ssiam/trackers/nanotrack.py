@@ -117,25 +117,25 @@ class NanoTrackNetworks:
     def _check(self, name: NanoTrackName, weights: Path) -> None:
         features = [self.template.output_shapes, self.search.output_shapes]
         channels, side = (96, 15) if name == "nanotrack_v3" else (48, 16)
-        wanted_features = [[(1, channels, 8, 8)], [(1, channels, 16, 16)]]
-        wanted_maps = [(1, 2, side, side), (1, 4, side, side)]
+        expected_features = [[(1, channels, 8, 8)], [(1, channels, 16, 16)]]
+        expected_maps = [(1, 2, side, side), (1, 4, side, side)]
         if (
-            features != wanted_features
-            or self.head.input_shapes != [shapes[0] for shapes in wanted_features]
-            or self.head.output_shapes != wanted_maps
+            features != expected_features
+            or self.head.input_shapes != [shapes[0] for shapes in expected_features]
+            or self.head.output_shapes != expected_maps
             or self.head.convolutions != _HEAD_CONVOLUTIONS[name]
         ):
             raise WeightsError(
                 f"{weights} holds weights of another network than {name}: "
                 f"features {features[1][0]}, maps {self.head.output_shapes}, "
-                f"{self.head.convolutions} convolutions in the head; wanted "
-                f"{wanted_features[1][0]}, {wanted_maps}, {_HEAD_CONVOLUTIONS[name]}"
+                f"{self.head.convolutions} convolutions in the head; expected "
+                f"{expected_features[1][0]}, {expected_maps}, {_HEAD_CONVOLUTIONS[name]}"
             )
 
 
 @dataclass
 class _Target:
-    """What the loop stores of its target."""
+    """State of the target."""
 
     state: TargetState
     min_wh: tuple[float, float]

@@ -1,4 +1,4 @@
-"""OpenCV's own trackers: CSRT, KCF and MIL. They need no weights, and run on whole frames."""
+"""OpenCV's trackers CSRT, KCF and MIL, which need no weights and run on whole frames."""
 
 from __future__ import annotations
 

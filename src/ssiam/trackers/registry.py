@@ -1,4 +1,4 @@
-"""The trackers by name: `load_tracker`, and where their weights are found."""
+"""The trackers by name: `load_tracker`, and the folders of their weights."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def load_tracker(
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" runs the tracker alone.
     runtime : {"openvino", "onnxruntime", "torch"}
-        What runs the networks. With the first two a .pth file is exported to ONNX once, into the
+        Inference engine of the networks. With the first two a .pth file is exported to ONNX once, into the
         user's cache folder.
     threads : int
         CPU threads of one inference.
@@ -77,7 +77,7 @@ def load_tracker(
     WeightsError
         Weights that are missing, damaged or of another network.
     MissingExtraError
-        The runtime, or what reads the weights, is not installed.
+        The runtime, or a package that reads the weights, is not installed.
 
     Examples
     --------

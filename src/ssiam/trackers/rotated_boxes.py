@@ -125,18 +125,18 @@ def _refined(level: NDArray[np.uint8], sides: Sides, factor: float) -> Sides:
 
 
 def _tightened(
-    filled: NDArray[np.generic], low: float, high: float, wanted: float
+    filled: NDArray[np.generic], low: float, high: float, min_filled: float
 ) -> tuple[float, float]:
-    """Both ends moved towards each other until their lines have `wanted` pixels on the mask.
+    """Both ends moved towards each other until their lines have `min_filled` pixels on the mask.
 
     `filled` (n,) is the number of mask pixels in each line. The low end moves first.
     """
-    while filled[int(low)] < wanted:
+    while filled[int(low)] < min_filled:
         nearer = low + (high - low) * _STEP
         if nearer >= len(filled) - 1 or high - low < 1:
             break
         low = nearer
-    while filled[int(high)] < wanted:
+    while filled[int(high)] < min_filled:
         nearer = high - (high - low) * _STEP
         if nearer <= 0 or high - low < 1:
             break

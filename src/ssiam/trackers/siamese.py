@@ -1,4 +1,4 @@
-"""What the Siamese trackers share: their base class, and the loop of those with box regression.
+"""Base class of the Siamese trackers, and the shared steps of those with box regression.
 
 The formulas are those of the reference implementation (SiamRPN's loop in pysot), including its
 half pixel of asymmetry between the box that comes in and the one that is reported.
@@ -91,7 +91,7 @@ class SiameseTracker(CopiedWhole, ABC, Generic[TargetT]):
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
-    A subclass keeps everything about its target in one object, which `init` passes to `_start`.
+    A subclass stores the state of its target in one object, which `init` passes to `_start`.
     All other attributes are set by the constructor and do not change, so that clones share them.
     """
 
@@ -183,7 +183,7 @@ def next_state(
 
 
 def updated_state(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
-    """State after the chosen candidate: its center, and a size between the last one and its own.
+    """State after the chosen candidate: its center, and a size between the last one and its size.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class SiamFcNetworks:
 
 @dataclass
 class _Target:
-    """What the loop stores of its target, in the reference's single precision."""
+    """State of the target, in the reference's single precision."""
 
     kernel: Tensor
     fill: Floats  # color outside of the frame, RGB

@@ -100,7 +100,7 @@ class Candidate:
     state : TargetState
         The updated state, before it is clamped to the frame.
     size_wh : (2,) float64
-        The candidate's own size, stabilized pixels.
+        The candidate's size, stabilized pixels.
     score : float
         Its softmax, 0..1.
     cell : (int, int)
@@ -121,7 +121,7 @@ class Candidate:
 
 @dataclass
 class AnchorTarget:
-    """What `SiamRpn` and `SiamMask` store of their target."""
+    """State of the target of `SiamRpn` and `SiamMask`."""
 
     state: TargetState
     kernels: list[Tensor]
