@@ -59,8 +59,8 @@ def load_tracker(
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" runs the tracker alone.
     runtime : {"openvino", "onnxruntime", "torch"}
-        Inference engine of the networks. With the first two a .pth file is exported to ONNX once, into the
-        user's cache folder.
+        Inference engine of the networks. With the first two a .pth file is exported to ONNX once,
+        into the user's cache folder.
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "f16", "int8"}
