@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     print("  paper-path.png, predict-path.png   the camera path before and after stabilization")
 
 
-def track_clip(tracker: ssiam.SteadiedTracker, truth: NDArray[np.float64], out: Path) -> Run:
+def track_clip(tracker: ssiam.StabilizedTracker, truth: NDArray[np.float64], out: Path) -> Run:
     """Track the walker through the clip; write the video and, if stabilized, the camera path."""
     config = tracker.config
     boxes = [truth[0]]

@@ -124,7 +124,7 @@ def assert_refused(call, value):
 @pytest.mark.parametrize("name", ["lite", "kcf"])
 def test_trackers_cannot_be_pickled(frames, name):
     tracker = ssiam.load_tracker(name)
-    for value in (tracker, ssiam.TrackerGroup(tracker), tracker.camera()):
+    for value in (tracker, ssiam.TrackerGroup(tracker), tracker.new_camera()):
         assert_refused(pickled, value)
     tracker.init(frames[0], BOX)
     assert_refused(pickled, tracker)

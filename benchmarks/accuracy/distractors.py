@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.geometry import XYWH, iou
 from ssiam.stabilize import METHODS
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import MOT
@@ -98,7 +98,7 @@ def targets(clips: list[Path]) -> Iterator[VideoSequence]:
                 yield sequence
 
 
-def outcome(tracker: SteadiedTracker, sequence: VideoSequence, seed: int = 0) -> Outcome:
+def outcome(tracker: StabilizedTracker, sequence: VideoSequence, seed: int = 0) -> Outcome:
     """Track one pass over a sequence."""
     images = islice(sequence.images(), MAX_FRAMES)
     tracker.init(next(images), first_box(sequence, seed))
@@ -176,7 +176,7 @@ def main() -> None:
     for name, method in product(chosen.trackers, chosen.stabilize):
         tracker = load(name, method)
         by_seed = [
-            [outcome(tracker.another(), sequence, seed) for sequence in sequences]
+            [outcome(tracker.clone(), sequence, seed) for sequence in sequences]
             for seed in range(chosen.seeds)
         ]
         rows.append(row(f"{name} {method}", by_seed))

@@ -46,7 +46,7 @@ def overlap(mask: NDArray[np.bool_] | None, truth: NDArray[np.bool_]) -> float:
     return float((found & truth).sum() / union) if union else 1.0
 
 
-def jaccard(tracker: ssiam.SteadiedTracker, root: Path, video: str) -> float:
+def jaccard(tracker: ssiam.StabilizedTracker, root: Path, video: str) -> float:
     """J of one video."""
     frames = sorted((root / "JPEGImages" / "480p" / video).glob("*.jpg"))
     labels = sorted((root / "Annotations" / "480p" / video).glob("*.png"))

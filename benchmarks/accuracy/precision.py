@@ -29,8 +29,7 @@ from ssiam.geometry import Image, iou
 from ssiam.runtime import Network, load_network
 from ssiam.runtime.openvino import supports_bf16
 from ssiam.runtime.quantization import calibration_feeds, quantize
-from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack
-from ssiam.trackers.nanotrack_networks import NanoTrackNetworks
+from ssiam.trackers.nanotrack import CONFIDENCE, PARAMETERS, NanoTrack, NanoTrackNetworks
 from ssiam.video import open_source
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))

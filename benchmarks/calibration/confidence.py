@@ -47,7 +47,7 @@ def rows_of(name: str, clips: list[AbsenceClip]) -> tuple[Floats, list[str]]:
     return np.concatenate(rows), names
 
 
-def evidence(tracker: ssiam.SteadiedTracker, clip: AbsenceClip) -> Floats:
+def evidence(tracker: ssiam.StabilizedTracker, clip: AbsenceClip) -> Floats:
     """Rows (N, 2 + k): whether the box is right, whether the target is absent, the evidence."""
     rows = []
     for index, frame in enumerate(clip.frames()):

@@ -34,7 +34,7 @@ def scores_of_video(weights: Path, root: Path, video: str) -> list[float]:
     networks = LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
     config = ssiam.StabilizerConfig("off")
     trackers = [LiteTracker(networks, mask_threshold=each) for each in THRESHOLDS]
-    return [jaccard(ssiam.SteadiedTracker(each, config), root, video) for each in trackers]
+    return [jaccard(ssiam.StabilizedTracker(each, config), root, video) for each in trackers]
 
 
 def held_out_score(by_video: NDArray[np.float64]) -> float:

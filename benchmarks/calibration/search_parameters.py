@@ -68,7 +68,7 @@ def scores_in_setting(
     truth = np.array([shaken_sequence.box(index) for index in range(len(images))])
     found = []
     for parameters in candidates:
-        tracker = ssiam.SteadiedTracker(
+        tracker = ssiam.StabilizedTracker(
             LiteTracker(networks, parameters, masks=False),
             ssiam.StabilizerConfig(setting.stabilize),
         )

@@ -23,7 +23,7 @@ from ssiam.runtime import Network, Tensor, load_network
 from ssiam.stabilize import FrameView, Method, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.steadied import SteadiedTracker
+from ssiam.trackers.stabilized import StabilizedTracker
 
 NAME = "fear_xs"
 TEMPLATE, SEARCH = 128, 256  # px, sides of the crops
@@ -72,7 +72,7 @@ class FearXs:
         From the logit of the best cell.
     """
 
-    doubt = 0.0
+    can_seek, reseek_below = True, 0.0
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class FearXs:
         self._box = _whole_pixels(xywh, view.size_wh)
         return self.track(view)
 
-    def another(self) -> FearXs:
+    def clone(self) -> FearXs:
         """A new tracker with the same networks, without a target."""
         return FearXs(self._template, self._search, self._parameters, self._confidence)
 
@@ -145,14 +145,14 @@ def load(
     stabilize: Method | StabilizerConfig = "off",
     threads: int = 1,
     parameters: Parameters | None = None,
-) -> SteadiedTracker:
+) -> StabilizedTracker:
     """Load FEAR-XS as `ssiam.load_tracker` loads the trackers of the package."""
     template, search = (
         load_network(WEIGHTS / NAME / f"fear_{piece}.onnx", threads=threads)
         for piece in ("template", "search")
     )
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
-    return SteadiedTracker(FearXs(template, search, parameters), config)
+    return StabilizedTracker(FearXs(template, search, parameters), config)
 
 
 def _expanded(xywh: XYWH, share: float) -> tuple[int, int, int, int]:

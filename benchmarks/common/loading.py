@@ -9,14 +9,14 @@ from benchmarks.common import fear_xs
 from benchmarks.common.data import nanotrack_weights
 from ssiam.errors import check_choice
 from ssiam.stabilize import METHODS, Method, StabilizerConfig
-from ssiam.trackers import TRACKERS, SteadiedTracker
+from ssiam.trackers import TRACKERS, StabilizedTracker
 
 PEERS = (fear_xs.NAME,)
 
 
 def load(
     name: str, stabilize: str | StabilizerConfig = "predict", threads: int = 1
-) -> SteadiedTracker:
+) -> StabilizedTracker:
     """Load a tracker.
 
     Parameters

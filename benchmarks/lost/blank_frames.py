@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image, iou
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.video import open_source
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -154,7 +154,7 @@ def _frames(sequence: VideoSequence, stop: int) -> tuple[list[Image], Floats]:
 
 
 def tracked(
-    tracker: SteadiedTracker, frames: list[Image], first: Floats
+    tracker: StabilizedTracker, frames: list[Image], first: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Boxes (N, 4) and `lost` (N,) of all frames."""
     tracker.init(frames[0], first.tolist())
@@ -180,8 +180,8 @@ def main() -> None:
         tracker = load(name, arguments.stabilize)
         wrong, long, moved, back, lost_without, frames_without = 0, 0, 0, 0, 0, 0
         for gap in cases:
-            boxes, lost = tracked(tracker.another(), gap.frames, gap.truth[0])
-            plain_boxes, plain_lost = tracked(tracker.another(), gap.without_gap, gap.truth[0])
+            boxes, lost = tracked(tracker.clone(), gap.frames, gap.truth[0])
+            plain_boxes, plain_lost = tracked(tracker.clone(), gap.without_gap, gap.truth[0])
             lost_without += int(plain_lost.sum())
             frames_without += len(plain_lost)
             overlap = iou(boxes, gap.truth)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import iou
 from ssiam.stabilize import METHODS
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import SEQUENCES, sequences
@@ -101,10 +101,10 @@ def cases_of(name: str, stabilize: str, clips: list[AbsenceClip]) -> list[Case]:
     cv2.setNumThreads(1)
     tracker = load(name, stabilize)
     setting = f"{name} {stabilize}"
-    return [evaluate(setting, clip, *tracked(tracker.another(), clip)) for clip in clips]
+    return [evaluate(setting, clip, *tracked(tracker.clone(), clip)) for clip in clips]
 
 
-def tracked(tracker: SteadiedTracker, clip: AbsenceClip) -> tuple[Floats, NDArray[np.bool_]]:
+def tracked(tracker: StabilizedTracker, clip: AbsenceClip) -> tuple[Floats, NDArray[np.bool_]]:
     """Boxes (N, 4) and `lost` (N,) of all frames of a clip; the first box is the true one."""
     frames = clip.frames()
     tracker.init(next(frames), clip.truth[0].tolist())

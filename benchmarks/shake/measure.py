@@ -30,7 +30,7 @@ from ssiam.geometry import Image
 from ssiam.motion import CameraMotion, Motion
 from ssiam.stabilize import METHODS, StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "
@@ -54,14 +54,14 @@ class RecordingTracker:
 
     Parameters
     ----------
-    tracker : SteadiedTracker
+    tracker : StabilizedTracker
     sequence : CachedSequence
     motions : list of Motion, optional
         True motion of each frame.
     """
 
     def __init__(
-        self, tracker: SteadiedTracker, sequence: CachedSequence, motions: list[Motion] | None
+        self, tracker: StabilizedTracker, sequence: CachedSequence, motions: list[Motion] | None
     ) -> None:
         self._tracker, self._motions = tracker, motions
         self._frames = enumerate(sequence.cached)
@@ -83,7 +83,7 @@ class RecordingTracker:
 def run_all(out: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
     """Execute runs and write each to its file; returns their number."""
     cv2.setNumThreads(1)
-    loaded: dict[tuple[str, str], SteadiedTracker] = {}
+    loaded: dict[tuple[str, str], StabilizedTracker] = {}
     previous = None
     for each in todo:
         if each.shaken != previous:
@@ -109,7 +109,7 @@ def cached(sequence: VideoSequence) -> CachedSequence:
     )
 
 
-def load(tracker: str, setting: str) -> SteadiedTracker:
+def load(tracker: str, setting: str) -> StabilizedTracker:
     """Load a tracker with one of `SETTINGS`."""
     method = setting if setting in METHODS else "predict"
     config = StabilizerConfig(check_choice("stabilize", method, METHODS))
@@ -147,18 +147,18 @@ def unshaken_motions(sequence: VideoSequence) -> NDArray[np.float64]:
 def measured(
     each: ShakeRun,
     one_pass: bool,
-    tracker: SteadiedTracker,
+    tracker: StabilizedTracker,
     sequence: CachedSequence,
     motions: list[Motion] | None,
 ) -> ShakeRun:
     """Execute a run: the run with its measures."""
     start = time.perf_counter()
-    recording = RecordingTracker(tracker.another(), sequence, motions)
+    recording = RecordingTracker(tracker.clone(), sequence, motions)
     supervised = run(recording, sequence)
     found = replace(each, frames=len(sequence), reported_lost=recording.reported_lost)
     found = with_overlaps(found, supervised, sequence)
     if one_pass:
-        recording = RecordingTracker(tracker.another(), sequence, motions)
+        recording = RecordingTracker(tracker.clone(), sequence, motions)
         boxes = upright(run(recording, sequence, "ope").regions)
         boxes[0] = sequence.box(0)
         auc = success(boxes, upright(sequence.truth)).auc

@@ -46,7 +46,7 @@ def scaled_clip() -> tuple[list[Image], tuple[float, ...]]:
 
 
 def seconds_per_frame(
-    tracker: ssiam.SteadiedTracker, images: list[Image], box: tuple[float, ...]
+    tracker: ssiam.StabilizedTracker, images: list[Image], box: tuple[float, ...]
 ) -> float:
     """Median seconds per frame of one round."""
     tracker.init(images[0], box)

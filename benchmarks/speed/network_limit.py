@@ -23,7 +23,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from ssiam.errors import check_choice
 from ssiam.networks import NetworkName, build_network
 from ssiam.runtime import MODEL_ZOO
-from ssiam.trackers.loading import SiameseName
+from ssiam.trackers.registry import SiameseName
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.speed.networks import TRACKERS, forms, measure

@@ -30,7 +30,7 @@ from ssiam.networks import NetworkName, SiameseNetwork, build_network
 from ssiam.runtime import MODEL_ZOO, Network, RuntimeOptions, Tensor
 from ssiam.runtime.openvino import supports_bf16
 from ssiam.trackers.base import ViewTracker
-from ssiam.trackers.loading import SiameseName, siamese_tracker
+from ssiam.trackers.registry import SiameseName, load_siamese_tracker
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
 from ssiam.trackers.siammask import PARAMETERS as MASK_PARAMETERS
 from ssiam.trackers.siammask import SiamMask, SiamMaskNetworks
@@ -111,7 +111,7 @@ def forms(name: SiameseName, runtimes: list[str], threads: int) -> dict[str, Vie
         for form in runtimes:
             runtime, _, precision = form.partition(" ")
             running = RuntimeOptions(runtime, threads, precision)  # type: ignore[arg-type]
-            found[form] = siamese_tracker(name, path, running)
+            found[form] = load_siamese_tracker(name, path, running)
     return found
 
 

@@ -50,9 +50,9 @@ Floats = NDArray[np.float64]
 class Stepwise:
     """A tracker whose updates are timed by step."""
 
-    def __init__(self, tracker: ssiam.SteadiedTracker, frame: Image, box: Box) -> None:
+    def __init__(self, tracker: ssiam.StabilizedTracker, frame: Image, box: Box) -> None:
         self._tracker, self._box = tracker, box
-        self._camera = tracker.camera()
+        self._camera = tracker.new_camera()
         tracker.init(frame, box)
         if self._camera is not None:
             self._camera.update(frame)
@@ -62,11 +62,11 @@ class Stepwise:
         start = time.perf_counter()
         motion = None if self._camera is None else self._camera.update(frame, self._box)
         estimated = time.perf_counter()
-        expected = self._tracker.expect(motion)
+        step = self._tracker.advance(motion)
         predicted = time.perf_counter()
-        track = self._tracker.look(frame)
+        track = self._tracker.locate(frame, step)
         tracked = time.perf_counter()
-        self._box = expected or track.box
+        self._box = step.predicted_xywh or track.box
         return (
             1e3 * (estimated - start),
             1e3 * (predicted - estimated),

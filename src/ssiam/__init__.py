@@ -1,6 +1,6 @@
 """Track a chosen object in video from a shaking, moving camera.
 
-The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera
+The method is "Real-time Tracking with Stabilized Frame" (S-Siam, 2020): estimate the camera's
 motion, stabilize the frame, run an unchanged tracker on the stabilized view, map the result back.
 
     tracker = ssiam.load_tracker()
@@ -20,9 +20,9 @@ from ssiam.errors import (
     WeightsError,
 )
 from ssiam.motion import CameraMotion, Motion
-from ssiam.stabilize import FrameView, PaperConfig, PredictConfig, Stabilizer, StabilizerConfig
+from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import TRACKERS, SteadiedTracker, TrackerGroup, load_tracker
+from ssiam.trackers import TRACKERS, StabilizedTracker, TrackerGroup, load_tracker
 
 __all__ = [
     "TRACKERS",
@@ -33,14 +33,12 @@ __all__ = [
     "FrameView",
     "MissingExtraError",
     "Motion",
-    "PaperConfig",
-    "PredictConfig",
     "SinkError",
     "SourceError",
     "SsiamError",
+    "StabilizedTracker",
     "Stabilizer",
     "StabilizerConfig",
-    "SteadiedTracker",
     "StreamError",
     "Track",
     "TrackerGroup",

@@ -1,4 +1,4 @@
-"""``python -m ssiam``: the command line."""
+"""Entry point of ``python -m ssiam``."""
 
 import sys
 

@@ -80,10 +80,10 @@ def test_failed_start_does_not_stop_other_sequences(tmp_path, capsys, jobs):
     assert main(arguments) == 3
     captured = capsys.readouterr()
     assert "1 of 3 runs have no result" in captured.err
-    assert "csrt cannot follow a box of 1x1 pixels" in captured.out
+    assert "csrt cannot track a box of 1x1 pixels" in captured.out
     assert "2 of 3" in captured.out
     reason = out / "csrt-off" / "failed" / "baseline" / "clip0.log"
-    assert "csrt cannot follow a box of 1x1 pixels" in reason.read_text()
+    assert "csrt cannot track a box of 1x1 pixels" in reason.read_text()
     assert {path.name for path in out.rglob("*_001.txt")} == {"clip1_001.txt", "clip2_001.txt"}
     # Only the failed run is repeated.
     truth.write_text(whole)

@@ -22,10 +22,10 @@ FILES = {"video.mp4", "results.csv", "results.jsonl", *EXPORTS}
 # Runs the command with a failing tracker; argument 1 selects the failure.
 RUN_WITH_FAILURE = """
 import sys
-from helpers import failing_trackers as troubled
+from helpers import failing_trackers
 from ssiam.cli import main, options
-trouble = {"hang": troubled.Hang(), "leave": troubled.leave}[sys.argv[1]]
-options.TrackerOptions.load = lambda self, config: troubled.troubled_tracker(trouble)
+trouble = {"hang": failing_trackers.Hang(), "leave": failing_trackers.leave}[sys.argv[1]]
+options.TrackerOptions.load = lambda self, config: failing_trackers.failing_tracker(trouble)
 from ssiam.web import session
 session.Session.__init__.__kwdefaults__ = {"stall_seconds": 0.5}
 sys.exit(main(sys.argv[2:]))

@@ -24,7 +24,7 @@ import ctypes, os, subprocess
 from ssiam.evaluation.vot.trax import reserve_stdout, serve
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 class Chatty:
     def init(self, view, xywh):
@@ -41,7 +41,7 @@ class Chatty:
         subprocess.run(["echo", "chatter"])
 
 with reserve_stdout():
-    serve(SteadiedTracker(Chatty(), StabilizerConfig("off")))
+    serve(StabilizedTracker(Chatty(), StabilizerConfig("off")))
 """
 
 

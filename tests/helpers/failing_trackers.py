@@ -1,37 +1,41 @@
-"""Trackers that fail in ways that cannot be brought about on purpose in real ones."""
+"""Trackers with failures that real trackers do not produce on demand."""
 
 from __future__ import annotations
 
 import threading
 
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.trackers.opencv import OpenCvTracker
 
 
-class Troubled:
-    """KCF, in front of which `trouble` is called with the number of the frame, from 1."""
+class FailingTracker:
+    """KCF that calls `failure` with the number of the frame, from 1, before it tracks."""
 
-    def __init__(self, trouble):
-        self._trouble, self._inner, self._frames = trouble, OpenCvTracker("kcf"), 0
+    def __init__(self, failure):
+        self._failure, self._inner, self._frames = failure, OpenCvTracker("kcf"), 0
 
     @property
-    def doubt(self):
-        return self._inner.doubt
+    def can_seek(self):
+        return self._inner.can_seek
+
+    @property
+    def reseek_below(self):
+        return self._inner.reseek_below
 
     def init(self, view, xywh):
         self._inner.init(view, xywh)
 
     def track(self, view):
         self._frames += 1
-        self._trouble(self._frames)
+        self._failure(self._frames)
         return self._inner.track(view)
 
     def seek(self, view, xywh):
         return self._inner.seek(view, xywh)
 
-    def another(self):
-        return Troubled(self._trouble)
+    def clone(self):
+        return FailingTracker(self._failure)
 
 
 def every_tenth(frame):
@@ -45,7 +49,7 @@ def leave(frame):
 
 
 class Hang:
-    """A frame that does not end until it is let go; as a tracker in C++ that never returns."""
+    """A frame that blocks until `let_go` is set, like a C++ tracker that never returns."""
 
     def __init__(self):
         self.hangs, self.let_go = threading.Event(), threading.Event()
@@ -56,5 +60,5 @@ class Hang:
             self.let_go.wait()
 
 
-def troubled_tracker(trouble, stabilize="predict"):
-    return SteadiedTracker(Troubled(trouble), StabilizerConfig(stabilize))
+def failing_tracker(failure, stabilize="predict"):
+    return StabilizedTracker(FailingTracker(failure), StabilizerConfig(stabilize))

@@ -1,6 +1,6 @@
-"""Networks without weights: the reference's fixed maps, and ones that see a marker.
+"""Stub networks: some return the reference's fixed maps, others detect a marker.
 
-Each is a callable as the trackers take them, and keeps what it was given.
+Each is a callable as the trackers expect it, and records its inputs.
 """
 
 import cv2
@@ -13,26 +13,26 @@ ANCHOR = 2  # 64x64
 
 
 class Stub:
-    """Answers call number t = 1, 2, ... with ``answer(t, *inputs)``."""
+    """Returns ``answer(t, *inputs)`` at call t = 1, 2, ...; `calls` has the inputs."""
 
     input_shapes = output_shapes = ()
     convolution_count = 0
 
     def __init__(self, answer):
-        self.answer, self.given = answer, []
+        self.answer, self.calls = answer, []
 
     def __call__(self, *inputs):
-        self.given.append(inputs)
-        return self.answer(len(self.given), *inputs)
+        self.calls.append(inputs)
+        return self.answer(len(self.calls), *inputs)
 
 
 def kernels(t, crop):
-    """A template that is the crop itself, in two parts."""
+    """A template network that returns the crop itself, in two parts."""
     return [crop[:, :1], crop[:, 1:]]
 
 
 def fixed_maps(side):
-    """Search network that gives the reference's random maps whatever it sees."""
+    """Search network that returns the reference's random maps for any crop."""
 
     def answer(t, crop, *kernels):
         cls = generator(1000 + t).standard_normal((1, 10, side, side)).astype(np.float32)
@@ -43,7 +43,7 @@ def fixed_maps(side):
 
 
 def fixed_features():
-    """As `fixed_maps`, followed by a mask network's features, all zero."""
+    """As `fixed_maps`, with the features of a mask network, all zero."""
     maps = fixed_maps(25)
     shapes = ((1, 1, 25, 25), (1, 1, 125, 125), (1, 1, 63, 63), (1, 1, 31, 31))
     features = [np.zeros(shape, np.float32) for shape in shapes]
@@ -51,7 +51,7 @@ def fixed_features():
 
 
 def fixed_refinement():
-    """Refinement that gives the reference's turning ellipse with a limb."""
+    """Refinement network that returns the reference's rotating ellipse with a limb."""
 
     def answer(t, *windows):
         angle, cx, cy = 0.15 * t + 0.3, 63 + 2 * np.sin(t), 63 + 3 * np.cos(t)
@@ -68,7 +68,7 @@ def fixed_refinement():
 
 
 def fixed_responses():
-    """SiamFC's search network that gives the reference's wandering bump."""
+    """SiamFC's search network that returns the reference's moving peak."""
 
     def answer(t, crops, kernel):
         px, py = 8 + 2 * np.sin(t), 8 + 1.5 * np.cos(2 * t)
@@ -82,12 +82,12 @@ def fixed_responses():
 
 
 def marked(crop):
-    """Where a crop (3, S, S) shows the marker's colour: (S, S) bool."""
+    """Pixels (S, S) of a crop (3, S, S) in the marker's color."""
     return (np.abs(crop - np.array(MARKER)[:, None, None]) < 90).all(axis=0)
 
 
-def seeing_maps(side=25):
-    """Search network that puts one anchor exactly on the marker; no marker, no score."""
+def marker_maps(side=25):
+    """Search network that puts one anchor exactly on the marker; all scores are low without one."""
 
     def answer(t, crop, *kernels):
         cls = np.zeros((1, 10, side, side), np.float32)
@@ -95,25 +95,25 @@ def seeing_maps(side=25):
         loc = np.zeros((1, 20, side, side), np.float32)
         rows, columns = np.nonzero(marked(crop[0]))
         if len(rows):
-            middle = (crop.shape[-1] - 1) / 2
-            dx, dy = (columns.mean() - middle) / 8, (rows.mean() - middle) / 8
+            center = (crop.shape[-1] - 1) / 2
+            dx, dy = (columns.mean() - center) / 8, (rows.mean() - center) / 8
             column, row = (int(np.clip(np.rint(d) + side // 2, 0, side - 1)) for d in (dx, dy))
             cls[0, ANCHOR, row, column], cls[0, 5 + ANCHOR, row, column] = 0, 8
-            numbers = (
+            regression = (
                 (dx - column + side // 2) / 8,
                 (dy - row + side // 2) / 8,
                 np.log((np.ptp(columns) + 1) / 64),
                 np.log((np.ptp(rows) + 1) / 64),
             )
-            loc[0, ANCHOR::5, row, column] = numbers
+            loc[0, ANCHOR::5, row, column] = regression
         return [cls, loc]
 
     return Stub(answer)
 
 
-def seeing_features():
-    """As `seeing_maps`, with x0 = 1 where the crop shows the marker: feature i sees 2 * i + 3."""
-    maps = seeing_maps()
+def marker_features():
+    """As `marker_maps`, with x0 = 1 on the marker: feature i is crop pixel 2 * i + 3."""
+    maps = marker_maps()
 
     def answer(t, crop, *kernels):
         x0 = np.zeros((1, 1, 125, 125), np.float32)
@@ -124,8 +124,8 @@ def seeing_features():
     return Stub(answer)
 
 
-def seeing_refinement():
-    """Logits of 8 or -8 from a window of that x0."""
+def marker_refinement():
+    """Refinement network with logits of 8 or -8 by the x0 of `marker_features`."""
 
     def answer(t, x0, p1, p2, corr):
         fine = cv2.resize(x0[0, 0], (122, 122), interpolation=cv2.INTER_NEAREST)
@@ -136,18 +136,18 @@ def seeing_refinement():
     return Stub(answer)
 
 
-def seeing_responses():
-    """SiamFC's search network with a bump on the marker, the higher the nearer its true size."""
+def marker_responses():
+    """SiamFC's search network with a peak on the marker, highest at its true scale."""
 
     def answer(t, crops, kernel):
         yy, xx = np.mgrid[0:17, 0:17]
-        wanted = marked(kernel[0]).sum()
+        true_area = marked(kernel[0]).sum()
         responses = np.zeros((3, 1, 17, 17), np.float32)
         for crop, response in zip(crops, responses, strict=True):
             rows, columns = np.nonzero(marked(crop))
             if len(rows):
                 px, py = columns.mean() / 8 - 7.875, rows.mean() / 8 - 7.875
-                height = 4 - 4 * abs(np.log(len(rows) / wanted))
+                height = 4 - 4 * abs(np.log(len(rows) / true_area))
                 response += height * np.exp(-((xx - px) ** 2 + (yy - py) ** 2) / 4)
         return [responses]
 

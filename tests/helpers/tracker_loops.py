@@ -1,4 +1,4 @@
-"""What the tests of all tracking loops share: golden crops, and properties on a marker."""
+"""Shared by the tests of all tracking loops: golden crops, and properties on a marker."""
 
 import hashlib
 from pathlib import Path
@@ -9,6 +9,7 @@ import pytest
 
 from helpers.stub_networks import MARKER
 from ssiam import FrameView
+from ssiam.errors import ArgumentError
 from ssiam.geometry import frame_center, map_box, rigid
 from ssiam.trackers import siamrpn
 
@@ -16,9 +17,9 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 OPENCV = cv2.__version__.split(".")[0]
 SIZE = (320, 240)
 BOX = (120.0, 90.0, 40.0, 40.0)
-STEADYINGS = [
+TRANSFORMS = [
     pytest.param(rigid(9, -6, 0.0), id="shift"),
-    pytest.param(rigid(0, 0, 0.2, frame_center(SIZE)), id="turn"),
+    pytest.param(rigid(0, 0, 0.2, frame_center(SIZE)), id="rotation"),
     pytest.param(rigid(-14.3, 7.9, -0.1, frame_center(SIZE)), id="both"),
 ]
 
@@ -34,138 +35,146 @@ def of_this_opencv(name):
 
 
 def polygon_tolerance(z):
-    """Pixels by which corners may differ: OpenCV 4 and 5 interpolate masks differently."""
+    """Tolerance of corners, pixels: OpenCV 4 and 5 interpolate masks differently."""
     return 1e-3 if str(z["opencv"]) == OPENCV else 3.0
 
 
 def corner_distance(found, expected):
-    """Largest difference of two boxes' corners, whichever they begin with."""
+    """Largest difference of two boxes' corners, in any cyclic order."""
     expected = np.reshape(expected, (4, 2))
-    return min(np.abs(np.roll(found, turn, axis=0) - expected).max() for turn in range(4))
+    return min(np.abs(np.roll(found, shift, axis=0) - expected).max() for shift in range(4))
 
 
 def assert_crops(z, template, search):
-    """The first and the last crops that the networks were given are the reference's."""
+    """The networks' first and last crops are the reference's."""
     if "z_crop_u8_sha256" not in z:
         return
-    first, last = search.given[0][0], search.given[-1][0]
-    middle = len(first) // 2
-    assert sha256(template.given[0][0][0].astype(np.uint8)) == z["z_crop_u8_sha256"]
+    first, last = search.calls[0][0], search.calls[-1][0]
+    middle_scale = len(first) // 2
+    assert sha256(template.calls[0][0][0].astype(np.uint8)) == z["z_crop_u8_sha256"]
     for key, crops in (("t1", first), ("tlast", last)):
-        strided = crops[middle, :, ::2, ::2].astype(np.uint8)
+        strided = crops[middle_scale, :, ::2, ::2].astype(np.uint8)
         assert sha256(strided) == z[f"x_crop_{key}_u8_s2_sha256"]
 
 
-def chosen_indices(monkeypatch):
-    """The indices that `choose` gives from now on, as they come."""
+def recorded_indices(monkeypatch):
+    """A list that grows by the index of each candidate selected from now on."""
     indices = []
-    choose = siamrpn.choose
+    select = siamrpn.select_candidate
 
-    def noted(*arguments):
-        best, penalty = choose(*arguments)
+    def recording(*arguments):
+        best, penalty = select(*arguments)
         indices.append(best)
         return best, penalty
 
-    monkeypatch.setattr(siamrpn, "choose", noted)
+    monkeypatch.setattr(siamrpn, "select_candidate", recording)
     return indices
 
 
-def crop_sides(monkeypatch):
-    """The sides of all crops from now on, as they are cut."""
+def recorded_crop_sides(monkeypatch):
+    """A list that grows by the side of each crop from now on."""
     sides = []
     crop = FrameView.crop
 
-    def noted(view, center_xy, side, out, fill):
+    def recording(view, center_xy, side, out, fill):
         sides.append(side)
         return crop(view, center_xy, side, out, fill)
 
-    monkeypatch.setattr(FrameView, "crop", noted)
+    monkeypatch.setattr(FrameView, "crop", recording)
     return sides
 
 
-def picture(box, turn=0.0):
-    """A grey frame with a disc of the marker's colour in the box, cut off at the border."""
+def marker_frame(box, angle=0.0):
+    """A gray frame with an ellipse of the marker's color in the box; `angle` in degrees."""
     frame = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
     x, y, w, h = box
-    centre, axes = (x + (w - 1) / 2, y + (h - 1) / 2), (w, h)
-    cv2.ellipse(frame, (centre, axes, turn), MARKER, -1)
+    center, axes = (x + (w - 1) / 2, y + (h - 1) / 2), (w, h)
+    cv2.ellipse(frame, (center, axes, angle), MARKER, -1)
     return frame
 
 
-def moving(box, count=6, step=(5.0, -4.0)):
-    """Frames whose marker walks, and its boxes."""
+def moving_marker(box, count=6, step=(5.0, -4.0)):
+    """Frames with a moving marker, and its boxes."""
     x, y, w, h = box
     boxes = [(x + t * step[0], y + t * step[1], w, h) for t in range(count)]
-    return [picture(each) for each in boxes], boxes
+    return [marker_frame(each) for each in boxes], boxes
 
 
-def off_centre(box, other):
-    """Distance of two boxes' centres, pixels."""
+def center_distance(box, other):
+    """Distance of two boxes' centers, pixels."""
     (x, y, w, h), (u, v, p, q) = box, other
     return np.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2)
 
 
 class LoopTests:
-    """Properties of every loop; a subclass gives the tracker."""
+    """Properties of every loop; a subclass makes the tracker."""
 
     def tracker(self):
         raise NotImplementedError
 
     def started(self, box=BOX):
-        frames, _ = moving(box)
+        frames, _ = moving_marker(box)
         tracker = self.tracker()
         tracker.init(FrameView(frames[0]), box)
         return tracker, frames
 
-    def test_the_marker_is_followed(self):
-        frames, boxes = moving(BOX)
+    def test_the_marker_is_tracked(self):
+        frames, boxes = moving_marker(BOX)
         tracker = self.tracker()
         tracker.init(FrameView(frames[0]), BOX)
         for frame, box in zip(frames[1:], boxes[1:], strict=True):
             track = tracker.track(FrameView(frame))
-            assert off_centre(track.box, box) < 2.0
+            assert center_distance(track.box, box) < 2.0
             assert track.box[2] == pytest.approx(40, abs=4)
             assert 0.8 < track.score <= 1
 
-    @pytest.mark.parametrize("stab_from_raw", STEADYINGS)
-    def test_a_steadied_view_gives_the_mapped_box(self, stab_from_raw):
-        frames, boxes = moving(BOX)
+    @pytest.mark.parametrize("stab_from_raw", TRANSFORMS)
+    def test_boxes_are_in_the_stabilized_views_pixels(self, stab_from_raw):
+        frames, boxes = moving_marker(BOX)
         tracker = self.tracker()
         tracker.init(FrameView(frames[0]), BOX)
         for frame, box in zip(frames[1:], boxes[1:], strict=True):
             view = FrameView(frame, stab_from_raw, border=20)
             track = tracker.track(view)
-            assert off_centre(track.box, map_box(stab_from_raw, box)) < 2.0
-            assert off_centre(track.mapped(view.raw_from_stab, SIZE).box, box) < 2.0
+            assert center_distance(track.box, map_box(stab_from_raw, box)) < 2.0
+            assert center_distance(track.mapped(view.raw_from_stab, SIZE).box, box) < 2.0
 
-    def test_a_target_far_away_is_found_where_it_is_sought(self):
+    def test_seek_finds_a_target_far_from_the_last_box(self):
         tracker, _ = self.started()
         far, near = (250.0, 20.0, 40.0, 40.0), (243.0, 26.0, 40.0, 40.0)
-        assert off_centre(tracker.track(FrameView(picture(far))).box, far) > 20
-        assert off_centre(tracker.seek(FrameView(picture(far)), near).box, far) < 2.0
-        assert off_centre(tracker.track(FrameView(picture(far))).box, far) < 2.0
+        assert center_distance(tracker.track(FrameView(marker_frame(far))).box, far) > 20
+        assert center_distance(tracker.seek(FrameView(marker_frame(far)), near).box, far) < 2.0
+        assert center_distance(tracker.track(FrameView(marker_frame(far))).box, far) < 2.0
 
-    @pytest.mark.parametrize("stab_from_raw", STEADYINGS)
-    def test_seeking_goes_by_the_views_pixels(self, stab_from_raw):
+    @pytest.mark.parametrize("stab_from_raw", TRANSFORMS)
+    def test_seek_takes_a_box_in_the_views_pixels(self, stab_from_raw):
         tracker, _ = self.started()
         far = (40.0, 160.0, 40.0, 40.0)
-        sought = map_box(stab_from_raw, far)
-        track = tracker.seek(FrameView(picture(far), stab_from_raw, border=20), sought)
-        assert off_centre(track.box, sought) < 2.0
+        stab_box = map_box(stab_from_raw, far)
+        track = tracker.seek(FrameView(marker_frame(far), stab_from_raw, border=20), stab_box)
+        assert center_distance(track.box, stab_box) < 2.0
 
-    def test_another_shares_no_state(self):
-        frames, _ = moving(BOX)
+    def test_a_clone_shares_no_state(self):
+        frames, _ = moving_marker(BOX)
         alone, _ = self.started()
         expected = [alone.track(FrameView(frame)).box for frame in frames[1:]]
         first, _ = self.started()
-        second = first.another()
-        second.init(FrameView(picture((30, 150, 50, 50))), (30, 150, 50, 50))
+        second = first.clone()
+        second.init(FrameView(marker_frame((30, 150, 50, 50))), (30, 150, 50, 50))
         for frame, box in zip(frames[1:], expected, strict=True):
-            second.track(FrameView(picture((30, 150, 50, 50))))
+            second.track(FrameView(marker_frame((30, 150, 50, 50))))
             assert first.track(FrameView(frame)).box == box
 
+    def test_a_clone_has_no_target(self):
+        tracker, frames = self.started()
+        view = FrameView(frames[1])
+        with pytest.raises(ArgumentError, match="no target yet"):
+            tracker.clone().track(view)
+        with pytest.raises(ArgumentError, match="no target yet"):
+            tracker.clone().seek(view, BOX)
+
     def test_frames_are_not_modified(self):
-        frames, _ = moving(BOX)
+        frames, _ = moving_marker(BOX)
         for frame in frames:
             frame.flags.writeable = False
         tracker = self.tracker()
@@ -187,16 +196,16 @@ class LoopTests:
     )
     def test_boxes_at_the_border_and_beyond(self, box):
         tracker = self.tracker()
-        tracker.init(FrameView(picture(box)), box)
+        tracker.init(FrameView(marker_frame(box)), box)
         for stab_from_raw in (np.eye(3), rigid(30, 20, 0.1)):
             for _ in range(4):
-                track = tracker.track(FrameView(picture(box), stab_from_raw))
+                track = tracker.track(FrameView(marker_frame(box), stab_from_raw))
                 assert np.isfinite(track.box).all()
                 assert min(track.box[2:]) > 0
                 assert 0 <= track.score <= 1
 
     def test_results_repeat(self):
-        frames, _ = moving(BOX)
+        frames, _ = moving_marker(BOX)
         runs = []
         for _ in range(2):
             tracker, _ = self.started()

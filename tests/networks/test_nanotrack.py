@@ -12,7 +12,7 @@ from ssiam.networks.lite2 import Lite2Network  # noqa: E402
 from ssiam.networks.nanotrack import fold_batch_norms  # noqa: E402
 from ssiam.networks.pretrained import load_lite2  # noqa: E402
 from ssiam.runtime import RuntimeOptions  # noqa: E402
-from ssiam.trackers.nanotrack_networks import NanoTrackNetworks  # noqa: E402
+from ssiam.trackers.nanotrack import NanoTrackNetworks  # noqa: E402
 
 
 @pytest.mark.parametrize("bias", [False, True])

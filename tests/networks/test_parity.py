@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 from helpers.network_files import save_checkpoint, seeded_state  # noqa: E402
 from ssiam.networks import inference_graphs, read_checkpoint  # noqa: E402
 from ssiam.networks.checkpoints import network_from_state_dict  # noqa: E402
-from ssiam.trackers.mask_windows import refinement_windows  # noqa: E402
+from ssiam.trackers.siammask import refinement_windows  # noqa: E402
 
 TOLERANCE = 1e-4  # of an array's greatest magnitude
 REFINED = [(12, 12), (0, 0), (24, 24), (5, 17)]  # rows and columns

@@ -15,7 +15,7 @@ pytest.importorskip("onnx")
 from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder
 from ssiam.runtime.export import relative_difference
 from ssiam.runtime.loading import load_pieces
-from ssiam.trackers.mask_windows import refinement_windows
+from ssiam.trackers.siammask import refinement_windows
 
 TOLERANCE = 1e-3  # see relative_difference
 REFINED = [(12, 12), (0, 0), (24, 24), (5, 17)]  # rows and columns

@@ -11,10 +11,10 @@ pytest.importorskip("torch")
 
 from helpers.network_models import SLOW, checkpoint
 from helpers.synthetic import golden_video
-from helpers.tracker_loops import chosen_indices, corner_distance
+from helpers.tracker_loops import corner_distance, recorded_indices
 from ssiam import FrameView
 from ssiam.runtime import RuntimeOptions
-from ssiam.trackers.loading import siamese_tracker
+from ssiam.trackers.registry import load_siamese_tracker
 
 FRAMES = 12  # of the golden loops
 MIN_MARGIN = 1e-4  # score margin below which another candidate may win
@@ -37,8 +37,8 @@ def test_boxes_and_scores_match_the_reference(golden, monkeypatch, loop):
     name, network, count = LOOPS[loop]
     z = golden(f"loops/net_{loop}_A.npz")
     frames, box = golden_video("A", FRAMES)
-    tracker = siamese_tracker(name, checkpoint(network), RuntimeOptions("torch"))
-    indices = chosen_indices(monkeypatch)
+    tracker = load_siamese_tracker(name, checkpoint(network), RuntimeOptions("torch"))
+    indices = recorded_indices(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1 : None if SLOW else count]):
         track = tracker.track(FrameView(frame))

@@ -1,4 +1,4 @@
-"""Frames that show nothing: what is held, and what comes after them."""
+"""Blank frames: the box is held, and the target is tracked again afterwards."""
 
 from functools import cache
 from pathlib import Path
@@ -10,23 +10,23 @@ import pytest
 import ssiam
 from helpers.synthetic import world
 from ssiam.geometry import iou
-from ssiam.trackers.sight import Sight
+from ssiam.trackers.blank_frames import BlankFrameDetector
 from ssiam.video import open_source
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
-AT, AFTER = 20, 15  # frames before and after the gap
+BEFORE, AFTER = 20, 15  # frames before and after the gap
 
 
 @cache
 def demo():
-    frames = [f.image for f, _ in zip(open_source(str(CLIP)), range(AT + AFTER), strict=False)]
+    frames = [f.image for f, _ in zip(open_source(str(CLIP)), range(BEFORE + AFTER), strict=False)]
     return frames, np.loadtxt(CLIP.with_suffix(".txt"), delimiter=",")
 
 
-def torn(frame, at=60):
-    """A decoder lost all rows below `at`, and repeats the last one."""
+def torn(frame, last_row=60):
+    """The decoder has lost all rows below `last_row` and repeats it."""
     out = frame.copy()
-    out[at:] = frame[at]
+    out[last_row:] = frame[last_row]
     return out
 
 
@@ -40,12 +40,11 @@ BLANK = {
 
 
 def spliced(kind, count):
-    """The clip with `count` blank frames after frame AT - 1, and true boxes."""
+    """The clip with `count` blank frames after frame BEFORE - 1, and true boxes."""
     frames, truth = demo()
-    gap = [BLANK[kind](frames[AT - 1])] * count
-    shown = [*frames[:AT], *gap, *frames[AT:]]
-    boxes = np.insert(truth[: len(frames)], [AT] * count, truth[AT - 1], axis=0)
-    return shown, boxes
+    gap = [BLANK[kind](frames[BEFORE - 1])] * count
+    boxes = np.insert(truth[: len(frames)], [BEFORE] * count, truth[BEFORE - 1], axis=0)
+    return [*frames[:BEFORE], *gap, *frames[BEFORE:]], boxes
 
 
 def tracked(tracker, frames, box):
@@ -61,17 +60,17 @@ def loaded(name, shared, **options):
 @pytest.mark.parametrize("count", [3, 10])
 @pytest.mark.parametrize("kind", BLANK)
 @pytest.mark.parametrize("name", ["lite", "nanotrack_v3", "kcf", "csrt"])
-def test_the_box_is_held_and_the_target_is_found_where_it_was(name, kind, count, shared):
+def test_the_box_is_held_and_the_target_is_found_again(name, kind, count, shared):
     if name in ("nanotrack_v3", "csrt") and (kind in ("gray", "noise") or count == 3):
-        pytest.skip("enough of it")
+        pytest.skip("covered by the other trackers")
     frames, truth = spliced(kind, count)
     tracks = tracked(loaded(name, shared), frames, truth[0])
-    held = tracks[AT - 1].box
-    for track in tracks[AT : AT + count]:
+    held = tracks[BEFORE - 1].box
+    for track in tracks[BEFORE : BEFORE + count]:
         assert track.box == pytest.approx(held, abs=1.0)
         assert track.score == 0
-    assert tracks[AT + count - 1].lost
-    for t in range(AT + count, len(frames)):
+    assert tracks[BEFORE + count - 1].lost
+    for t in range(BEFORE + count, len(frames)):
         assert tracks[t].lost or iou(tracks[t].box, truth[t]) > 0.3
     if name in ("lite", "nanotrack_v3"):
         assert not tracks[-1].lost
@@ -80,14 +79,14 @@ def test_the_box_is_held_and_the_target_is_found_where_it_was(name, kind, count,
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 @pytest.mark.parametrize("name", ["lite", "kcf"])
-def test_blank_frames_teach_nothing_however_it_is_steadied(name, stabilize, shared):
+def test_blank_frames_do_not_change_the_trackers_state(name, stabilize, shared):
     frames, truth = spliced("black", 6)
     tracks = tracked(loaded(name, shared, stabilize=stabilize), frames, truth[0])
-    for track in tracks[AT : AT + 6]:
-        assert track.box == pytest.approx(tracks[AT - 1].box, abs=1e-6)
+    for track in tracks[BEFORE : BEFORE + 6]:
+        assert track.box == pytest.approx(tracks[BEFORE - 1].box, abs=1e-6)
     plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
-    for after, same in zip(tracks[AT + 6 :], plain[AT:], strict=True):
-        if stabilize == "predict":  # the view is chosen anew, so crops are not the same
+    for after, same in zip(tracks[BEFORE + 6 :], plain[BEFORE:], strict=True):
+        if stabilize == "predict":  # the view is chosen again, so that the crops differ
             assert iou(after.box, same.box) > 0.8
             assert after.score == pytest.approx(same.score, abs=0.2)
         else:
@@ -95,7 +94,7 @@ def test_blank_frames_teach_nothing_however_it_is_steadied(name, stabilize, shar
             assert after.box == pytest.approx(same.box, abs=1e-6)
 
 
-def test_the_next_frame_given_ahead_changes_no_result(shared):
+def test_following_frames_do_not_change_results(shared):
     frames, truth = spliced("black", 4)
     alone, ahead = loaded("kcf", shared), loaded("kcf", shared)
     expected = tracked(alone, frames, truth[0])
@@ -106,7 +105,7 @@ def test_the_next_frame_given_ahead_changes_no_result(shared):
 
 
 def test_a_lost_box_does_not_leave_the_frame(shared):
-    """The camera pans away from what it was for seconds."""
+    """The camera pans away from the target."""
     scene = world(3, (3000, 360))
     tracker = loaded("kcf", shared)
     tracker.init(scene[:, :640], (500, 150, 60, 60))
@@ -124,43 +123,42 @@ BOX = (300.0, 150.0, 40.0, 50.0)
 
 
 @pytest.mark.parametrize("kind", BLANK)
-def test_what_shows_nothing_is_seen(kind):
+def test_blank_frames_are_detected(kind):
     frame = world()
-    sight = Sight(frame)
-    assert sight.shows(frame, BOX, lost=False)
-    blank = BLANK[kind](frame)
-    assert not sight.shows(blank, BOX, lost=False)
-    assert sight.shows(frame, BOX, lost=True)
+    detector = BlankFrameDetector(frame)
+    assert not detector.is_blank(frame, BOX, lost=False)
+    assert detector.is_blank(BLANK[kind](frame), BOX, lost=False)
+    assert not detector.is_blank(frame, BOX, lost=True)
 
 
-def test_a_frame_torn_beside_the_target_shows_it():
+def test_a_frame_torn_below_the_target_is_not_blank():
     frame = world()
-    sight = Sight(frame)
-    assert sight.shows(torn(frame, 220), BOX, lost=False)
+    detector = BlankFrameDetector(frame)
+    assert not detector.is_blank(torn(frame, 220), BOX, lost=False)
 
 
-def test_bars_and_skies_are_not_torn_frames():
+def test_constant_rows_of_the_first_frame_are_part_of_the_scene():
     frame = world()
     frame[:140] = 255
-    sight = Sight(frame)
+    detector = BlankFrameDetector(frame)
     for _ in range(3):
-        assert sight.shows(frame, BOX, lost=False)
+        assert not detector.is_blank(frame, BOX, lost=False)
 
 
-def test_a_lost_target_beside_a_flat_sky_is_looked_for():
+def test_a_lost_target_in_a_flat_area_is_searched_in_the_whole_frame():
     frame = world()
     frame[:300, :400] = 200
-    sight = Sight(frame)
-    assert not sight.shows(frame, (100, 100, 40, 50), lost=False)
-    assert sight.shows(frame, (100, 100, 40, 50), lost=True)
+    detector = BlankFrameDetector(frame)
+    assert detector.is_blank(frame, (100, 100, 40, 50), lost=False)
+    assert not detector.is_blank(frame, (100, 100, 40, 50), lost=True)
 
 
-def test_a_picture_that_stays_torn_is_taken_as_it_is():
+def test_torn_rows_that_stay_are_accepted_as_part_of_the_scene():
     frame = world()
-    sight = Sight(frame)
-    shown = [sight.shows(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(40)]
-    assert not any(shown[:20])
-    assert shown[-1]
+    detector = BlankFrameDetector(frame)
+    blank = [detector.is_blank(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(40)]
+    assert all(blank[:20])
+    assert not blank[-1]
 
 
 def _noise(frame, r):
@@ -172,21 +170,21 @@ def _clouds(frame, r):
     return cv2.resize(small, frame.shape[1::-1], interpolation=cv2.INTER_CUBIC)
 
 
-@pytest.mark.parametrize("garbage", [_noise, _clouds])
+@pytest.mark.parametrize("unrelated", [_noise, _clouds])
 @pytest.mark.parametrize("stabilize", ["paper", "predict"])
-def test_frames_of_garbage_move_the_box_no_further_than_the_scene(garbage, stabilize):
-    """They have texture, but neither the camera's motion nor the target is found in them."""
+def test_the_box_is_held_in_frames_of_another_scene(unrelated, stabilize):
+    """They have texture, but show neither the scene nor the target."""
     frames, truth = demo()
     r = np.random.default_rng(0)
-    between = [garbage(frames[AT], r) for _ in range(3)]
+    between = [unrelated(frames[BEFORE], r) for _ in range(3)]
     tracker = ssiam.load_tracker("lite", stabilize=stabilize)
-    tracks = tracked(tracker, [*frames[:AT], *between, *frames[AT:]], truth[0])
-    for track in tracks[AT : AT + 3]:
+    tracks = tracked(tracker, [*frames[:BEFORE], *between, *frames[BEFORE:]], truth[0])
+    for track in tracks[BEFORE : BEFORE + 3]:
         assert track.score == 0
-        assert track.box == pytest.approx(tracks[AT - 1].box, abs=1e-6)
+        assert track.box == pytest.approx(tracks[BEFORE - 1].box, abs=1e-6)
     plain = tracked(ssiam.load_tracker("lite", stabilize=stabilize), frames, truth[0])
     after = [
         iou(np.array([a.box]), np.array([b.box]))[0]
-        for a, b in zip(tracks[AT + 3 :], plain[AT:], strict=True)
+        for a, b in zip(tracks[BEFORE + 3 :], plain[BEFORE:], strict=True)
     ]
     assert min(after) > 0.5

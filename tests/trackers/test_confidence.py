@@ -1,3 +1,5 @@
+"""Logistic confidence scores, features of a box, and the running baseline."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,7 +7,7 @@ from hypothesis import strategies as st
 
 from helpers.synthetic import generator
 from ssiam.trackers import nanotrack, opencv
-from ssiam.trackers.confidence import Confidence, Usual, look
+from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
 
 NUMBERS = st.floats(-1e300, 1e300)
 MODEL = Confidence((0.5, 20.0), -1.0)
@@ -13,7 +15,7 @@ USED = [*nanotrack.CONFIDENCE.values(), *opencv._CONFIDENCE.values()]
 
 
 @given(NUMBERS, NUMBERS)
-def test_probabilities_are_within_0_and_1_whatever_the_evidence(first, second):
+def test_probabilities_are_within_0_and_1(first, second):
     assert 0 <= MODEL.probability((first, second)) <= 1
 
 
@@ -37,13 +39,13 @@ def test_evidence_of_another_length_is_refused():
 
 
 SIDE, STRIDE = 15, 16.0
-PLACES = (np.arange(SIDE) - SIDE // 2) * STRIDE  # of the features, px from the crop's centre
+POSITIONS = (np.arange(SIDE) - SIDE // 2) * STRIDE  # of the features, px from the crop's center
 
 
 def features(inside, box):
-    """A map of (1, 0) with (0, 1) at all features whose place is inside of a box."""
+    """Features (3, 0), and `inside` for those whose position is inside of a box."""
     cx, cy, w, h = box
-    rows, columns = np.abs(PLACES - cy) <= h / 2, np.abs(PLACES - cx) <= w / 2
+    rows, columns = np.abs(POSITIONS - cy) <= h / 2, np.abs(POSITIONS - cx) <= w / 2
     found = np.zeros((1, 2, SIDE, SIDE), np.float32)
     found[0, 0] = 3.0
     found[0][:, np.outer(rows, columns)] = np.array(inside, np.float32)[:, None]
@@ -60,69 +62,69 @@ def features(inside, box):
         pytest.param((16, 32, 1, 1), id="smaller than a cell"),
     ],
 )
-def test_only_what_is_in_the_box_is_looked_at(box):
+def test_only_features_in_the_box_are_averaged(box):
     """cx goes with columns and cy with rows; nothing from outside of the box."""
-    seen = look(features((0.0, 7.0), box), STRIDE, np.array(box, float))
-    np.testing.assert_allclose(seen, (0, 1), atol=1e-12)
+    feature = box_feature(features((0.0, 7.0), box), STRIDE, np.array(box, float))
+    np.testing.assert_allclose(feature, (0, 1), atol=1e-12)
 
 
-def test_a_look_is_the_direction_of_the_mean():
+def test_the_feature_is_the_direction_of_the_mean():
     noise = generator(3).normal(0, 1, (1, 24, SIDE, SIDE)).astype(np.float32)
-    seen = look(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
+    feature = box_feature(noise, STRIDE, np.array([0.0, 0.0, 1e4, 1e4]))
     mean = noise[0].mean(axis=(1, 2), dtype=np.float64)
-    np.testing.assert_allclose(seen, mean / np.linalg.norm(mean), atol=1e-6)
-    part = look(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
+    np.testing.assert_allclose(feature, mean / np.linalg.norm(mean), atol=1e-6)
+    part = box_feature(7 * noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0]))
     assert np.linalg.norm(part) == pytest.approx(1)
     np.testing.assert_allclose(
-        part, look(noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0])), atol=1e-6
+        part, box_feature(noise, STRIDE, np.array([32.0, -16.0, 60.0, 80.0])), atol=1e-6
     )
 
 
 @pytest.mark.parametrize("cx", [-1e5, -200.0, 0.0, 200.0, 1e5])
 @pytest.mark.parametrize("cy", [-1e5, 0.0, 1e5])
 @pytest.mark.parametrize("extent", [0.1, 40.0, 1e5])
-def test_boxes_outside_of_the_map_take_its_nearest_features(cx, cy, extent):
-    coordinates = np.stack(np.meshgrid(PLACES, PLACES))[None].astype(np.float32)
+def test_boxes_outside_of_the_map_use_its_nearest_features(cx, cy, extent):
+    coordinates = np.stack(np.meshgrid(POSITIONS, POSITIONS))[None].astype(np.float32)
     coordinates = np.concatenate([coordinates, np.full((1, 1, SIDE, SIDE), 64, np.float32)], axis=1)
-    x, y, one = look(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
+    x, y, one = box_feature(coordinates, STRIDE, np.array([cx, cy, extent, extent]))
     assert np.hypot(np.hypot(x, y), one) == pytest.approx(1)
     if extent < 100:
-        for found, wanted in ((x, cx), (y, cy)):
-            nearest = np.clip(wanted, PLACES[0], PLACES[-1])
+        for found, position in ((x, cx), (y, cy)):
+            nearest = np.clip(position, POSITIONS[0], POSITIONS[-1])
             assert abs(found / one * 64 - nearest) <= STRIDE
 
 
-def test_features_that_are_all_zero_have_no_direction():
-    seen = look(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
-    np.testing.assert_array_equal(seen, 0)
+def test_zero_features_stay_zero():
+    feature = box_feature(np.zeros((1, 5, 8, 8), np.float32), 16, np.array([0.0, 0.0, 30.0, 30.0]))
+    np.testing.assert_array_equal(feature, 0)
 
 
-def test_what_is_usual_or_more_falls_short_of_nothing():
-    usual = Usual()
-    assert all(usual.shortfall(value, sure=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
+def test_values_at_the_baseline_or_above_have_no_drop():
+    baseline = RunningBaseline()
+    assert all(baseline.drop(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
 
 
-def test_a_shortfall_is_the_greater_the_less_the_value():
+def test_the_drop_grows_as_the_value_falls():
     def after(value):
-        usual = Usual()
+        baseline = RunningBaseline()
         for _ in range(20):
-            usual.shortfall(0.9, sure=True)
-        return usual.shortfall(value, sure=False)
+            baseline.drop(0.9, confident=True)
+        return baseline.drop(value, confident=False)
 
     found = [after(value) for value in np.linspace(0.9, -1.0, 60)]
     assert found[0] == 0
     assert found[-1] < 0
     assert (np.diff(found) <= 0).all()
-    assert after(-1.0) == after(-1e6)  # much is much
+    assert after(-1.0) == after(-1e6)  # saturated
 
 
-@pytest.mark.parametrize("sure", [True, False])
-def test_a_much_lower_value_becomes_usual_only_if_something_else_is_sure(sure):
-    usual = Usual()
+@pytest.mark.parametrize("confident", [True, False])
+def test_a_much_lower_value_joins_the_baseline_only_if_confident(confident):
+    baseline = RunningBaseline()
     for _ in range(20):
-        usual.shortfall(0.9, sure=True)
-    first = usual.shortfall(0.2, sure)
+        baseline.drop(0.9, confident=True)
+    first = baseline.drop(0.2, confident)
     for _ in range(200):
-        last = usual.shortfall(0.2, sure)
+        last = baseline.drop(0.2, confident)
     assert first < 0
-    assert last == (0 if sure else first)
+    assert last == (0 if confident else first)

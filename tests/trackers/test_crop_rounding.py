@@ -1,4 +1,4 @@
-"""Search crops are cut at whole pixels; boxes count from where they were cut."""
+"""Search crops have whole-pixel corners; boxes count from the actual corner."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ CENTER = (200.0, 150.0)
 
 
 def marker_search(cells, stride, extra=()):
-    """A search network whose cells all give the marker's box, in whole pixels of the crop."""
+    """A search network whose cells all return the marker's box, in whole pixels of the crop."""
 
     def answer(t, crop, *kernels):
         rows, columns = np.nonzero(marked(crop[0]))
         middle = crop.shape[-1] / 2
         left, right = columns.min() - middle, columns.max() + 1 - middle
         top, bottom = rows.min() - middle, rows.max() + 1 - middle
-        at = (np.arange(cells) - (cells - 1) / 2) * stride
-        y, x = np.meshgrid(at, at, indexing="ij")
+        offsets = (np.arange(cells) - (cells - 1) / 2) * stride
+        y, x = np.meshgrid(offsets, offsets, indexing="ij")
         distances = np.stack([x - left, y - top, right - x, bottom - y])[None]
         logits = np.full((1, 1, cells, cells), 8, np.float32)
         return [logits, logits, distances.astype(np.float32), *extra]
@@ -47,11 +47,11 @@ def frame():
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.3, -0.4), (-0.7, 0.8), (5.45, -3.55)])
-@pytest.mark.parametrize("tracker", [lite, lite2])
-def test_the_center_does_not_depend_on_where_the_crop_was_cut(tracker, offset):
-    built = tracker()
+@pytest.mark.parametrize("make", [lite, lite2])
+def test_the_center_does_not_depend_on_the_rounding_of_the_crop(make, offset):
+    tracker = make()
     x, y = (center + d - SIDE / 2 for center, d in zip(CENTER, offset, strict=True))
     view = FrameView(frame())
-    built.init(view, (x, y, SIDE, SIDE))
-    x, y, w, h = built.track(view).box
+    tracker.init(view, (x, y, SIDE, SIDE))
+    x, y, w, h = tracker.track(view).box
     assert (x + w / 2, y + h / 2) == pytest.approx(CENTER, abs=1e-3)

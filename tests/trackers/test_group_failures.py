@@ -1,10 +1,10 @@
-"""A group in which one tracker fails: the others go on, if that is asked for."""
+"""A group in which one tracker fails: with `keep_going` the others continue."""
 
 import numpy as np
 import pytest
 
 import ssiam
-from helpers.failing_trackers import every_tenth, troubled_tracker
+from helpers.failing_trackers import every_tenth, failing_tracker
 from helpers.synthetic import golden_video
 from ssiam.errors import FrameSizeError
 from ssiam.motion import CameraMotion
@@ -18,28 +18,28 @@ def video():
 
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
-def test_the_others_boxes_are_those_of_a_group_without_it(video, stabilize):
+def test_the_other_targets_are_tracked_as_without_it(video, stabilize):
     frames, box = video
     alone = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize))
     alone.init(frames[0], [box])
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize), keep_going=True)
     group.init(frames[0], [box])
-    failing = troubled_tracker(every_tenth, stabilize)
+    failing = failing_tracker(every_tenth, stabilize)
     failing.init(frames[0], OTHER)
     group.join(failing, OTHER)
     failed = []
     for number, frame in enumerate(frames[1:25], 1):
-        (wanted,), (track, other) = alone.update(frame), group.update(frame)
+        (expected,), (track, other) = alone.update(frame), group.update(frame)
         if stabilize == "off":
-            assert track.box == wanted.box
+            assert track.box == expected.box
         assert set(group.failures) == ({1} if number % 10 == 0 else set())
         failed += [other] if group.failures else []
     assert {(track.lost, track.score) for track in failed} == {(True, 0.0)}
 
 
-def test_without_it_the_error_is_raised(video):
+def test_without_keep_going_the_error_is_raised(video):
     frames, box = video
-    group = ssiam.TrackerGroup(troubled_tracker(every_tenth))
+    group = ssiam.TrackerGroup(failing_tracker(every_tenth))
     group.init(frames[0], [box])
     for frame in frames[1:10]:
         group.update(frame)
@@ -60,7 +60,7 @@ def test_camera_motion_that_fails_is_unreliable(video, monkeypatch):
     assert group.camera_failure is None
 
 
-def test_a_frame_of_another_size_is_refused_all_the_same(video):
+def test_a_frame_of_another_size_is_always_refused(video):
     frames, box = video
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="off"), keep_going=True)
     group.init(frames[0], [box])
@@ -68,7 +68,7 @@ def test_a_frame_of_another_size_is_refused_all_the_same(video):
         group.update(np.ascontiguousarray(frames[1][:-2]))
 
 
-def test_a_tracker_that_cannot_be_switched_is_named(video):
+def test_a_tracker_that_fails_to_switch_is_reported(video):
     frames, box = video
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="off"), keep_going=True)
     group.init(frames[0], [box, OTHER])

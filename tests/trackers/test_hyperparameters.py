@@ -1,4 +1,4 @@
-"""Hyperparameters against the authors' configuration files, and against what was measured."""
+"""Hyperparameters against the authors' configuration files and the measured ones."""
 
 import json
 from pathlib import Path
@@ -12,8 +12,8 @@ from helpers.synthetic import golden_video
 from ssiam.trackers import lite, nanotrack, opencv, siammask, siamrpn
 from ssiam.trackers.anchors import ANCHORS, STRIDE, anchor_boxes
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.nanotrack_networks import SEARCH, NanoTrackNetworks
-from ssiam.trackers.siamese import CONTEXT, EXEMPLAR
+from ssiam.trackers.nanotrack import SEARCH_SIDE, NanoTrackNetworks
+from ssiam.trackers.siamese import CONTEXT, TEMPLATE_SIDE
 from ssiam.trackers.siamfc import SiamFcParameters
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -60,7 +60,7 @@ def test_siammask_has_the_authors_hyperparameters(name):
 @pytest.mark.parametrize("name", nanotrack.PARAMETERS)
 def test_nanotrack_has_the_authors_hyperparameters(name):
     assert_search(nanotrack.PARAMETERS[name], AUTHORS[name])
-    assert (AUTHORS[name]["exemplar"], AUTHORS[name]["instance"]) == (EXEMPLAR, SEARCH)
+    assert (AUTHORS[name]["exemplar"], AUTHORS[name]["instance"]) == (TEMPLATE_SIDE, SEARCH_SIDE)
 
 
 def test_lite_has_the_measured_hyperparameters():
@@ -76,7 +76,7 @@ def test_siamfc_has_the_authors_hyperparameters():
 
 def test_anchors_and_context_are_pysots():
     common = AUTHORS["common_pysot"]
-    assert (common["exemplar"], common["context_amount"]) == (EXEMPLAR, CONTEXT)
+    assert (common["exemplar"], common["context_amount"]) == (TEMPLATE_SIDE, CONTEXT)
     assert (len(common["anchor_ratios"]), common["anchor_stride"]) == (ANCHORS, STRIDE)
     (scale,) = common["anchor_scales"]
     for ratio, w, h in zip(common["anchor_ratios"], *anchor_boxes(1)[2:], strict=True):

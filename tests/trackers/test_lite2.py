@@ -1,4 +1,4 @@
-"""The loop of `lite`'s second network on networks that see a marker, and its memory."""
+"""The loop of the second `lite` network on a marker, and its memory."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from helpers.stub_networks import Stub, marked
-from helpers.tracker_loops import BOX, LoopTests, moving
+from helpers.tracker_loops import BOX, LoopTests, moving_marker
 from ssiam import FrameView
 from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker, Memory
 
 
-def seeing_search(elsewhere=0.0):
-    """Search network whose cells know how far the marker's sides are; `elsewhere`: in a corner."""
+def marker_search(distractor=0.0):
+    """Search network with distances to the marker's edges; `distractor` is a corner's score."""
 
     def answer(t, crop, *kernels):
         score = np.full((1, 1, 15, 15), -8, np.float32)
@@ -20,15 +20,15 @@ def seeing_search(elsewhere=0.0):
         distances = np.full((1, 4, 15, 15), 8, np.float32)
         rows, columns = np.nonzero(marked(crop[0]))
         if len(rows):
-            at = (np.arange(15) - 7) * 16
-            y, x = np.meshgrid(at, at, indexing="ij")
+            offsets = (np.arange(15) - 7) * 16
+            y, x = np.meshgrid(offsets, offsets, indexing="ij")
             left, right = columns.min() - 127.5, columns.max() - 126.5
             top, bottom = rows.min() - 127.5, rows.max() - 126.5
             distances[0] = x - left, y - top, right - x, bottom - y
-            apart = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2)
-            score[0, 0][apart < 17] = 8
-        if elsewhere:
-            score[0, 0, 0, 0] = np.log(elsewhere / (1 - elsewhere))
+            distance = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2)
+            score[0, 0][distance < 17] = 8
+        if distractor:
+            score[0, 0, 0, 0] = np.log(distractor / (1 - distractor))
             distances[0, :, 0, 0] = 8
         return [score, quality, distances]
 
@@ -36,12 +36,12 @@ def seeing_search(elsewhere=0.0):
 
 
 def networks(**options):
-    """The context of a template is its number."""
+    """The context of template number n is n."""
 
     def template(t, crop):
         return [crop, np.full((1, 1), t, np.float32)]
 
-    return Lite2Networks(Stub(template), seeing_search(**options))
+    return Lite2Networks(Stub(template), marker_search(**options))
 
 
 class TestLite2(LoopTests):
@@ -50,41 +50,41 @@ class TestLite2(LoopTests):
 
 
 def recent(tracker, frames):
-    """Number of the template that was recent at each frame."""
+    """Number of the recent template in each frame."""
     tracker.init(FrameView(frames[0]), BOX)
     for frame in frames[1:]:
         tracker.track(FrameView(frame))
-    return [int(inputs[-1].item()) for inputs in tracker._networks.search.given]
+    return [int(inputs[-1].item()) for inputs in tracker._networks.search.calls]
 
 
-FRAMES = [moving(BOX)[0][0]] * 12
+FRAMES = [moving_marker(BOX)[0][0]] * 12
 
 
-def test_the_recent_template_is_taken_anew():
+def test_the_recent_template_is_replaced():
     tracker = Lite2Tracker(networks(), memory=Memory(every=4))
     assert recent(tracker, FRAMES) == [1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3]
 
 
 @pytest.mark.parametrize(
-    ("memory", "elsewhere"),
+    ("memory", "distractor"),
     [
         pytest.param(Memory(every=0), 0.0, id="never"),
-        pytest.param(Memory(every=4, score=1.0), 0.0, id="unsure"),
-        pytest.param(Memory(every=4), 0.6, id="a distractor"),
+        pytest.param(Memory(every=4, score=1.0), 0.0, id="low score"),
+        pytest.param(Memory(every=4), 0.6, id="distractor"),
     ],
 )
-def test_it_stays_the_first(memory, elsewhere):
-    tracker = Lite2Tracker(networks(elsewhere=elsewhere), memory=memory)
+def test_the_recent_template_stays_the_first(memory, distractor):
+    tracker = Lite2Tracker(networks(distractor=distractor), memory=memory)
     assert set(recent(tracker, FRAMES)) == {1}
 
 
-def test_it_is_dropped_when_the_target_is_looked_for_elsewhere():
+def test_seek_returns_to_the_first_template():
     tracker = Lite2Tracker(networks(), memory=Memory(every=4))
     recent(tracker, FRAMES)
     tracker.seek(FrameView(FRAMES[0]), BOX)
-    assert int(tracker._networks.search.given[-1][-1].item()) == 1
+    assert int(tracker._networks.search.calls[-1][-1].item()) == 1
 
 
-def test_another_has_no_target_of_its_own():
+def test_a_clone_has_the_same_memory_settings():
     tracker = Lite2Tracker(networks(), memory=replace(Memory(), every=4))
-    assert tracker.another()._memory == tracker._memory
+    assert tracker.clone()._memory == tracker._memory

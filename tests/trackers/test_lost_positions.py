@@ -1,4 +1,4 @@
-"""Positions at which a lost target is sought, when the tracker itself has drifted away."""
+"""Positions at which a lost target is searched after the tracker itself has drifted away."""
 
 import numpy as np
 import pytest
@@ -6,26 +6,26 @@ import pytest
 import ssiam
 from helpers.tracker_scenes import (
     COVERED,
-    ELSEWHERE,
     OPEN,
-    apart,
-    shaken_pan,
-    shown,
-    target_in,
+    OTHER_SCENE,
+    distance,
+    filmed,
+    shaking_pan,
+    target_box,
 )
 from ssiam.geometry import map_box, rigid
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 COUNT, HIDDEN = 130, range(20, 80)
 PAN = (-110.0, 70.0)  # px, of the camera while the target is hidden
 FOUND_BY = HIDDEN[-1] + 35  # a search has tried all its positions several times
 
 
-class Drifting:
-    """Sees the target close to where it looks; drifts by 6 pixels a frame without it."""
+class DriftingTracker:
+    """Finds the target near the search position; drifts by 6 pixels a frame without it."""
 
-    doubt = 0.0
+    can_seek, reseek_below = True, 0.0
 
     def __init__(self, frames, truth):
         """`truth` has the target's box in each raw frame, None where it is hidden."""
@@ -37,7 +37,7 @@ class Drifting:
     def track(self, view):
         truth = self._truth[id(view.raw)]
         visible = None if truth is None else map_box(view.stab_from_raw, truth)
-        if visible is not None and apart(visible, self._xywh) < 0.7:
+        if visible is not None and distance(visible, self._xywh) < 0.7:
             self._xywh = visible
             return Track(self._xywh, 0.95)
         x, y, w, h = self._xywh
@@ -57,38 +57,38 @@ def panned(path, shares):
     ]
 
 
-def behind_a_cover():
-    """A cover hides the target while the camera pans away; it stays there."""
+def hidden_by_a_cover():
+    """A cover hides the target while the camera pans away and stays there."""
     shares = np.interp(np.arange(COUNT), [HIDDEN[0], HIDDEN[-1]], [0, 1])
-    path = panned(shaken_pan(COUNT), shares)
-    return [shown(COVERED if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)], path
+    path = panned(shaking_pan(COUNT), shares)
+    return [filmed(COVERED if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)], path
 
 
-def behind_a_cut():
-    """A pan, then another scene with a pan back and beyond; then the first one where it was."""
+def hidden_by_a_cut():
+    """A pan, a cut to another scene with a pan back and beyond, and a cut back to the first."""
     frames = np.arange(COUNT)
     before = np.interp(frames, [0, HIDDEN[0] - 1], [0, -0.6])
     meanwhile = np.interp(frames, [HIDDEN[0], HIDDEN[-1]], [-0.6, 1])
     shares = np.where((frames >= HIDDEN[0]) & (frames <= HIDDEN[-1]), meanwhile, before)
-    path = panned(shaken_pan(COUNT), shares)
-    return [shown(ELSEWHERE if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)], path
+    path = panned(shaking_pan(COUNT), shares)
+    return [filmed(OTHER_SCENE if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)], path
 
 
 @pytest.mark.parametrize(
     "hidden",
     [
-        pytest.param(behind_a_cover, id="where it is in the scene"),
-        pytest.param(behind_a_cut, id="where it was before the cut"),
+        pytest.param(hidden_by_a_cover, id="position in the scene"),
+        pytest.param(hidden_by_a_cut, id="position before the cut"),
     ],
 )
 def test_a_lost_target_is_re_detected(hidden):
     frames, path = hidden()
-    truth = [target_in(pose) for pose in path]
+    truth = [target_box(pose) for pose in path]
     visible = [None if t in HIDDEN else box for t, box in enumerate(truth)]
-    tracker = SteadiedTracker(Drifting(frames, visible), ssiam.StabilizerConfig())
+    tracker = StabilizedTracker(DriftingTracker(frames, visible), ssiam.StabilizerConfig())
     tracker.init(frames[0], truth[0])
     tracks = [None, *(tracker.update(frame) for frame in frames[1:])]
     assert tracks[HIDDEN[-1]].lost
     for t in range(FOUND_BY, COUNT):
         assert not tracks[t].lost
-        assert apart(tracks[t].box, truth[t]) < 0.5
+        assert distance(tracks[t].box, truth[t]) < 0.5

@@ -1,4 +1,4 @@
-"""MIL: the same in every run, without a trace in other people's random numbers."""
+"""MIL repeats its results, and does not affect other random numbers of the process."""
 
 import ctypes
 import sys
@@ -14,7 +14,7 @@ from ssiam.video import open_source
 BOX = (53.2, 114.1, 26.5, 66.4)
 
 
-def test_runs_are_alike(request):
+def test_results_repeat(request):
     with open_source(request.config.rootpath / "examples" / "shaky-walker.mp4") as source:
         frames = [frame.image for frame, _ in zip(source, range(16), strict=False)]
     runs = []
@@ -22,7 +22,7 @@ def test_runs_are_alike(request):
         tracker = ssiam.load_tracker("mil")
         tracker.init(frames[0], BOX)
         runs.append([tracker.update(frame).box for frame in frames[1:]])
-        cv2.setRNGSeed(7)  # what others do in between does not count
+        cv2.setRNGSeed(7)  # seeds set elsewhere have no effect
     assert runs[0] == runs[1]
 
 
@@ -31,7 +31,7 @@ def drawn():
     return cv2.randu(image, 0, 255).tolist()
 
 
-def test_opencvs_random_numbers_go_on_for_others():
+def test_opencvs_random_numbers_are_not_affected():
     cv2.setRNGSeed(3)
     expected = [drawn(), drawn()]
     cv2.setRNGSeed(3)
@@ -40,8 +40,8 @@ def test_opencvs_random_numbers_go_on_for_others():
     assert [first, drawn()] == expected
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="glibc's generator can be put back")
-def test_the_c_librarys_random_numbers_go_on_for_others():
+@pytest.mark.skipif(sys.platform != "linux", reason="only glibc's generator is restored")
+def test_the_c_librarys_random_numbers_are_not_affected():
     library = ctypes.CDLL(None)
     if not hasattr(library, "gnu_get_libc_version"):
         pytest.skip("not glibc")
@@ -54,9 +54,9 @@ def test_the_c_librarys_random_numbers_go_on_for_others():
 
 
 @pytest.mark.parametrize("size_wh", [(1, 1), (4, 4), (2, 10), (100, 1)])
-def test_a_box_that_holds_no_feature_is_refused(size_wh):
+def test_a_box_too_small_for_any_feature_is_refused(size_wh):
     w, h = size_wh
-    with pytest.raises(ssiam.ArgumentError, match=f"mil cannot follow a box of {w}x{h} pixels"):
+    with pytest.raises(ssiam.ArgumentError, match=f"mil cannot track a box of {w}x{h} pixels"):
         ssiam.load_tracker("mil", stabilize="off").init(world(), (300, 150, w, h))
 
 
@@ -64,10 +64,10 @@ def test_a_box_that_holds_no_feature_is_refused(size_wh):
     ("name", "box"),
     [("csrt", (5, 5, 600, 4)), ("csrt", (300, 5, 4, 340)), ("mil", (0, 0, 640, 360))],
 )
-def test_what_opencv_refuses_is_told_in_one_line(name, box):
+def test_boxes_that_opencv_refuses_raise_one_line(name, box):
     tracker = ssiam.load_tracker(name, stabilize="off")
     tracker.init(world(), (300, 150, 40, 50))
     before = tracker.update(world())
-    with pytest.raises(ssiam.ArgumentError, match=rf"^{name} cannot follow a box of .*$"):
+    with pytest.raises(ssiam.ArgumentError, match=rf"^{name} cannot track a box of .*$"):
         tracker.init(world(), box)
-    assert tracker.update(world()).box == pytest.approx(before.box, abs=2)  # as it was
+    assert tracker.update(world()).box == pytest.approx(before.box, abs=2)

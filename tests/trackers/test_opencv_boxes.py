@@ -1,4 +1,4 @@
-"""Boxes that OpenCV's trackers cannot take are refused in one line, and change nothing."""
+"""Boxes that OpenCV's trackers cannot track are refused in one line, without side effects."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ THIN = {
     "of one pixel": (300, 150, 1, 1),
     "a line across": (0, 150, 640, 1),
     "with one pixel in the frame": (639, 359, 50, 50),
-    "before the frame": (-49, -49, 50, 50),
+    "touching the frame's corner": (-49, -49, 50, 50),
     "of four by four": (300, 150, 4, 4),
     "the whole frame": (0, 0, 640, 360),
 }
@@ -29,20 +29,20 @@ def frame():
 @pytest.mark.parametrize("box", THIN.values(), ids=THIN)
 @pytest.mark.parametrize("stabilize", ["predict", "off"])
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
-def test_a_box_is_followed_or_refused_in_one_line(frame, name, stabilize, box):
+def test_a_box_is_tracked_or_refused_in_one_line(frame, name, stabilize, box):
     tracker = ssiam.load_tracker(name, stabilize=stabilize)
-    refused = ""
+    message = ""
     try:
         tracker.init(frame, box)
         tracker.update(frame)
     except SsiamError as error:
-        refused = str(error)
-    assert "\n" not in refused
-    assert not refused or name in refused
+        message = str(error)
+    assert "\n" not in message
+    assert not message or name in message
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4])
-def test_mil_refuses_what_it_would_never_end_with(frame, side):
+def test_mil_refuses_boxes_on_which_it_would_hang(frame, side):
     with pytest.raises(ArgumentError, match=f"{side}x{side} pixels"):
         ssiam.load_tracker("mil", stabilize="off").init(frame, (300, 150, side, side))
     with pytest.raises(ArgumentError, match="1x80 pixels"):
@@ -57,7 +57,7 @@ def test_a_box_that_would_need_terabytes_is_refused(frame, name):
             tracker.init(frame, box)
 
 
-def test_a_refused_box_leaves_the_target(frame):
+def test_a_refused_box_keeps_the_former_target(frame):
     tracker = opencv.OpenCvTracker("csrt")
     view = ssiam.stabilize.FrameView(frame)
     tracker.init(view, (300, 150, 60, 50))
@@ -69,7 +69,7 @@ def test_a_refused_box_leaves_the_target(frame):
     assert after.score == pytest.approx(before.score, abs=0.1)
 
 
-def test_what_opencv_raises_on_a_frame_is_told_in_one_line(frame):
+def test_opencvs_errors_on_a_frame_are_one_line(frame):
     tracker = ssiam.load_tracker("csrt", stabilize="off")
     tracker.init(frame, (300, 150, 60, 50))
     inner = tracker._tracker

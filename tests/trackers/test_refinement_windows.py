@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ssiam.trackers.mask_windows import refinement_windows
+from ssiam.trackers.siammask import refinement_windows
 
 SHAPES = ((1, 256, 25, 25), (1, 64, 125, 125), (1, 256, 63, 63), (1, 512, 31, 31))
 

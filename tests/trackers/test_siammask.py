@@ -1,4 +1,4 @@
-"""SiamMask's and SiamMask_E's loops against the references', and on networks that see a marker."""
+"""SiamMask's and SiamMask_E's loops against the references, and on a marker."""
 
 from dataclasses import replace
 
@@ -11,22 +11,22 @@ from helpers.stub_networks import (
     fixed_features,
     fixed_refinement,
     kernels,
-    seeing_features,
-    seeing_refinement,
+    marker_features,
+    marker_refinement,
 )
 from helpers.synthetic import golden_video
 from helpers.tracker_loops import (
     BOX,
     SIZE,
-    STEADYINGS,
+    TRANSFORMS,
     LoopTests,
     assert_crops,
-    chosen_indices,
     corner_distance,
-    crop_sides,
+    marker_frame,
     of_this_opencv,
-    picture,
     polygon_tolerance,
+    recorded_crop_sides,
+    recorded_indices,
 )
 from ssiam import FrameView
 from ssiam.geometry import corners_from_xywh, map_points, rigid
@@ -41,8 +41,8 @@ LOOPS = {
 }
 
 
-def seeing_tracker(name="siammask_r50_l3", **changes):
-    networks = SiamMaskNetworks(Stub(kernels), seeing_features(), seeing_refinement())
+def marker_tracker(name="siammask_r50_l3", **changes):
+    networks = SiamMaskNetworks(Stub(kernels), marker_features(), marker_refinement())
     return SiamMask(networks, replace(PARAMETERS[name], **changes))
 
 
@@ -54,7 +54,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     template, search = Stub(kernels), fixed_features()
     networks = SiamMaskNetworks(template, search, fixed_refinement())
     tracker = SiamMask(networks, PARAMETERS[LOOPS[name]])
-    indices, sides = chosen_indices(monkeypatch), crop_sides(monkeypatch)
+    indices, sides = recorded_indices(monkeypatch), recorded_crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     tolerance = polygon_tolerance(z)
     for t, frame in enumerate(frames[1:]):
@@ -80,9 +80,9 @@ def test_mask_is_the_reference(golden, name, video):
     assert mask.shape == (240, 320)
     assert mask.dtype == bool
     expected = z["mask_in_img_t1"]
-    sure = abs(expected - parameters.mask_threshold) > 1e-5
+    clear = abs(expected - parameters.mask_threshold) > 1e-5
     np.testing.assert_array_equal(
-        mask[::2, ::2][sure], (expected > parameters.mask_threshold)[sure]
+        mask[::2, ::2][clear], (expected > parameters.mask_threshold)[clear]
     )
 
 
@@ -97,9 +97,9 @@ def test_an_empty_mask_gives_the_upright_box(name):
     assert not track.mask.any()
 
 
-@pytest.mark.parametrize(("variant", "centre_x"), [("pysot", 320.0), ("siammask", 330.2)])
-def test_an_empty_mask_beyond_the_border(variant, centre_x):
-    """The authors' loop gives the box as found, pysot's the one kept inside."""
+@pytest.mark.parametrize(("variant", "center_x"), [("pysot", 320.0), ("siammask", 330.2)])
+def test_an_empty_mask_beyond_the_border(variant, center_x):
+    """The authors' loop returns the box as found, pysot's the clamped one."""
     maps = fixed_features()
 
     def beyond(t, *inputs):
@@ -112,22 +112,22 @@ def test_an_empty_mask_beyond_the_border(variant, centre_x):
     networks = SiamMaskNetworks(Stub(kernels), Stub(beyond), empty)
     tracker = SiamMask(networks, replace(PARAMETERS["siammask_r50_l3"], variant=variant))
     start = (285.0, 100.0, 40.0, 40.0)
-    tracker.init(FrameView(picture(start)), start)
-    track = tracker.track(FrameView(picture(start)))
+    tracker.init(FrameView(marker_frame(start)), start)
+    track = tracker.track(FrameView(marker_frame(start)))
     assert track.box[0] + track.box[2] / 2 == 320
-    assert track.corners[:, 0].mean() == pytest.approx(centre_x, abs=0.1)
+    assert track.corners[:, 0].mean() == pytest.approx(center_x, abs=0.1)
 
 
 TILTED = (130.0, 100.0, 70.0, 35.0)
 
 
 @pytest.mark.parametrize("name", PARAMETERS)
-@pytest.mark.parametrize("stab_from_raw", [pytest.param(np.eye(3), id="off"), *STEADYINGS])
+@pytest.mark.parametrize("stab_from_raw", [pytest.param(np.eye(3), id="off"), *TRANSFORMS])
 def test_mask_and_corners_follow_the_view(name, stab_from_raw):
-    frame = picture(TILTED, turn=30)
+    frame = marker_frame(TILTED, angle=30)
     rows, columns = np.nonzero((frame == (255, 0, 255)).all(axis=2))
     truth = cv2.boxPoints(((165 - 0.5, 117.5 - 0.5), (70, 35), 30))
-    tracker = seeing_tracker(name)
+    tracker = marker_tracker(name)
     tracker.init(FrameView(frame), TILTED)
     view = FrameView(frame, stab_from_raw, border=20)
     for _ in range(4):
@@ -141,12 +141,12 @@ def test_mask_and_corners_follow_the_view(name, stab_from_raw):
     assert overlap / union > 0.8
 
 
-def test_a_steadied_mask_is_not_cut_at_the_edges_of_the_view():
-    """Shifted to the left, the view's edge hides what the raw frame shows."""
+def test_a_mask_is_not_cut_at_the_edges_of_a_stabilized_view():
+    """The view is shifted to the left: a part of the raw frame is beyond its edge."""
     box = (2.0, 100.0, 60.0, 40.0)
-    frame = picture(box)
+    frame = marker_frame(box)
     stab_from_raw = rigid(-15, 0, 0.0)
-    tracker = seeing_tracker()
+    tracker = marker_tracker()
     tracker.init(FrameView(frame), box)
     for _ in range(3):
         track = tracker.track(FrameView(frame, stab_from_raw, border=20))
@@ -155,8 +155,8 @@ def test_a_steadied_mask_is_not_cut_at_the_edges_of_the_view():
     assert track.mask.shape == (240, 320)
 
 
-def test_an_unsteadied_view_has_no_border():
-    """The raw frame ends where it ends: a border must not change what the reference finds."""
+def test_a_border_has_no_effect_on_a_raw_view():
+    """Results on the raw frame are the reference's."""
     frames, box = golden_video("B", 6)
     runs = []
     for border in (0, 20):
@@ -169,7 +169,7 @@ def test_an_unsteadied_view_has_no_border():
 
 class TestOnMarker(LoopTests):
     def tracker(self):
-        return seeing_tracker()
+        return marker_tracker()
 
     def test_every_track_has_mask_and_corners(self):
         tracker, frames = self.started()

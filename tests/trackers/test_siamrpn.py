@@ -1,16 +1,22 @@
-"""SiamRPN's loop against the references' on fixed maps, and on networks that see a marker."""
+"""SiamRPN's loop against the references on fixed maps, and on a marker."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from helpers.stub_networks import Stub, fixed_maps, kernels, seeing_maps
+from helpers.stub_networks import Stub, fixed_maps, kernels, marker_maps
 from helpers.synthetic import golden_video
-from helpers.tracker_loops import LoopTests, assert_crops, chosen_indices, crop_sides, sha256
+from helpers.tracker_loops import (
+    LoopTests,
+    assert_crops,
+    recorded_crop_sides,
+    recorded_indices,
+    sha256,
+)
 from ssiam import FrameView
 from ssiam.trackers import siammask
-from ssiam.trackers.crops import siammask_crop
+from ssiam.trackers.reference_crops import siammask_crop
 from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
 
 # foolwood/SiamMask without its mask: one of its loops for upright boxes.
@@ -33,7 +39,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     parameters = LOOPS[name]
     template, search = Stub(kernels), fixed_maps(parameters.side)
     tracker = SiamRpn(SiamRpnNetworks(template, search), parameters)
-    indices, sides = chosen_indices(monkeypatch), crop_sides(monkeypatch)
+    indices, sides = recorded_indices(monkeypatch), recorded_crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1:]):
         track = tracker.track(FrameView(frame))
@@ -45,13 +51,13 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     assert_crops(z, template, search)
 
 
-def test_all_kernels_reach_the_search():
+def test_all_kernels_are_passed_to_the_search():
     search = fixed_maps(25)
     tracker = stub_tracker(search)
     frames, box = golden_video("A", 2)
     tracker.init(FrameView(frames[0]), box)
     tracker.track(FrameView(frames[1]))
-    assert [each.shape[1] for each in search.given[0]] == [3, 1, 2]
+    assert [each.shape[1] for each in search.calls[0]] == [3, 1, 2]
 
 
 def test_crops_of_the_siammask_authors(golden):
@@ -63,20 +69,18 @@ def test_crops_of_the_siammask_authors(golden):
         assert sha256(crop.transpose(2, 0, 1)) == z[f"subwindow_foolwood_{number}_sha256"]
 
 
-def test_a_first_box_is_centred_as_each_loop_does():
+def test_each_variant_has_its_own_center_of_a_first_box():
     frames, box = golden_video("A", 1)
-    pysot = stub_tracker(seeing_maps())
-    authors = stub_tracker(seeing_maps(), replace(LOOPS["fool-box"], lr=0.0))
-    for tracker, centre in ((pysot, (83.5, 121.5)), (authors, (84.0, 122.0))):
+    pysot = stub_tracker(marker_maps())
+    authors = stub_tracker(marker_maps(), replace(LOOPS["fool-box"], lr=0.0))
+    for tracker, center in ((pysot, (83.5, 121.5)), (authors, (84.0, 122.0))):
         tracker.init(FrameView(frames[0]), box)
-        assert tracker._state.center_xy == centre
+        assert tracker._target.state.center_xy == center
 
 
 class TestOnMarker(LoopTests):
-    """Whatever the maps say: places, borders, states."""
-
     def tracker(self):
-        return stub_tracker(seeing_maps())
+        return stub_tracker(marker_maps())
 
     def test_without_a_marker_the_score_is_low(self):
         tracker, frames = self.started()

@@ -1,4 +1,4 @@
-"""Another steadying while it runs: the target is kept."""
+"""Switching the stabilization during tracking: the target is kept."""
 
 import numpy as np
 import pytest
@@ -8,18 +8,20 @@ from helpers.synthetic import generator, poses, seen, world
 from ssiam import StabilizerConfig
 from ssiam.geometry import iou, map_box
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 SIZE = (320, 240)
 BOX = (130.0, 90.0, 40.0, 50.0)
 METHODS = ["off", "paper", "predict"]
 
 
-class NotedTracker:
-    """Answers what it is told, and notes how often it is given a template."""
+class RecordingTracker:
+    """Reports the last box that it was given, and counts its templates."""
 
-    def __init__(self, doubt):
-        self.doubt = doubt
+    reseek_below = 0.0
+
+    def __init__(self, can_seek):
+        self.can_seek = can_seek
         self.templates = 0
 
     def init(self, view, xywh):
@@ -33,15 +35,15 @@ class NotedTracker:
         self.xywh = xywh
         return self.track(view)
 
-    def another(self):
-        return NotedTracker(self.doubt)
+    def clone(self):
+        return RecordingTracker(self.can_seek)
 
 
 @pytest.fixture(scope="module")
 def shaken():
     path = poses(generator(4).normal(0, (5, 3, 0.01), (30, 3)), SIZE)
-    picture = world(size_wh=SIZE)
-    return [seen(picture, pose) for pose in path], path
+    scene = world(size_wh=SIZE)
+    return [seen(scene, pose) for pose in path], path
 
 
 def overlap(a, b):
@@ -64,32 +66,32 @@ def test_a_real_tracker_keeps_its_target(shaken, before, after):
         assert overlap(track.box, map_box(pose @ world_from_first, BOX)) > 0.5
 
 
-@pytest.mark.parametrize(("doubt", "templates"), [(0.0, 1), (None, 2)], ids=["told", "not told"])
-def test_the_template_is_kept_where_a_tracker_can_be_told_where_to_look(shaken, doubt, templates):
+@pytest.mark.parametrize(("can_seek", "templates"), [(True, 1), (False, 2)])
+def test_the_template_is_kept_by_trackers_that_can_seek(shaken, can_seek, templates):
     frames, _ = shaken
-    noted = NotedTracker(doubt)
-    tracker = SteadiedTracker(noted, StabilizerConfig("paper"))
+    recording = RecordingTracker(can_seek)
+    tracker = StabilizedTracker(recording, StabilizerConfig("paper"))
     tracker.init(frames[0], BOX)
     box = tracker.update(frames[1]).box
     tracker.switch(StabilizerConfig("off"), frames[1])
-    assert noted.templates == templates
+    assert recording.templates == templates
     assert tracker.update(frames[2]).box == box
     assert tracker.config.stabilize == "off"
 
 
 def test_a_lost_target_stays_lost(shaken):
     frames, _ = shaken
-    noted = NotedTracker(0.0)
-    tracker = SteadiedTracker(noted, StabilizerConfig("off"))
+    recording = RecordingTracker(can_seek=True)
+    tracker = StabilizedTracker(recording, StabilizerConfig("off"))
     tracker.init(frames[0], BOX)
-    noted.track = lambda view: Track(BOX, score=0.0)
+    recording.track = lambda view: Track(BOX, score=0.0)
     while not tracker.update(frames[1]).lost:
         pass
     tracker.switch(StabilizerConfig("predict"), frames[1])
     assert tracker.update(frames[2]).lost
 
 
-def test_before_there_is_a_target_only_the_method_changes(shaken):
+def test_without_a_target_only_the_method_changes(shaken):
     frames, _ = shaken
     tracker = ssiam.load_tracker("kcf", stabilize="off")
     tracker.switch(StabilizerConfig("paper"), frames[0])
@@ -97,13 +99,13 @@ def test_before_there_is_a_target_only_the_method_changes(shaken):
     assert tracker.update(frames[1]).motion is not None
 
 
-def test_targets_of_a_group_come_and_go(shaken):
+def test_targets_join_and_leave_a_group(shaken):
     frames, path = shaken
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize="predict"))
     group.init(frames[0], [])
     assert group.update(frames[1]) == []
     assert group.motion is not None
-    late = group.another()
+    late = group.new_tracker()
     late.init(frames[1], BOX)
     group.join(late, BOX)
     for frame in frames[2:6]:

@@ -1,7 +1,7 @@
-"""Trackers of one load, each in a thread of its own, find what each alone finds.
+"""Trackers of one load in parallel threads give the same results as one after the other.
 
-The engines are held between inference and reading until all threads are there: whoever shares
-buffers with another reads the other's outputs, on every machine and in every run.
+All threads wait between inference and reading of the outputs: trackers that share buffers then
+read each other's outputs, on every machine and in every run.
 """
 
 import threading
@@ -17,7 +17,7 @@ from ssiam.runtime import loading as pieces
 from ssiam.video import open_source
 
 THREADS = 4
-WAIT = 300  # seconds, after which a thread that never comes is a failure
+WAIT = 300  # seconds until a missing thread fails the test
 ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_r50_l3"
 
 
@@ -27,7 +27,7 @@ def frames(request):
         return [frame.image for frame, _ in zip(source, range(12), strict=False)]
 
 
-BOXES = [  # the walker, and three pieces of the scene
+BOXES = [  # the walker, and three parts of the scene
     (53.2, 114.1, 26.5, 66.4),
     (150.0, 60.0, 60.0, 40.0),
     (200.0, 120.0, 30.0, 50.0),
@@ -35,8 +35,8 @@ BOXES = [  # the walker, and three pieces of the scene
 ]
 
 
-def followed(tracker, box, frames, before=lambda: None):
-    """Boxes, scores, corners and masks of a target: everything that a network decides."""
+def tracked(tracker, box, frames, before=lambda: None):
+    """Boxes, scores, corners and masks of a target: everything that depends on the networks."""
     tracker.init(frames[0], box)
     found = []
     for frame in frames[1:]:
@@ -48,14 +48,14 @@ def followed(tracker, box, frames, before=lambda: None):
     return found
 
 
-def together(jobs, barrier):
-    """What the jobs return, each run in a thread of its own."""
+def in_parallel(jobs, barrier):
+    """The results of the jobs, each run in its own thread."""
 
     def run(job):
         try:
             return job()
         except BaseException:
-            barrier.abort()  # nobody waits for a thread that is gone
+            barrier.abort()  # so that no thread waits for this one
             raise
 
     with ThreadPoolExecutor(len(jobs)) as pool:
@@ -68,7 +68,7 @@ def hold_openvino(monkeypatch, hold):
     infer = ov.InferRequest.infer
 
     def held(request, inputs, share_inputs=False, share_outputs=False):
-        # Outputs as they lie in the request: copies could be made before the others are there.
+        # Shared outputs: copies could be made before the other threads arrive.
         results = infer(request, inputs, share_inputs=share_inputs, share_outputs=True)
         hold()
         return results
@@ -107,19 +107,19 @@ HOLD = {"openvino": hold_openvino, "onnxruntime": hold_onnxruntime, "torch": hol
 
 
 def check(monkeypatch, runtime, first, frames):
-    """Four trackers in four threads against one alone, each on a target of its own."""
-    alone = [followed(first, box, frames) for box in BOXES]
-    assert len({str(found) for found in alone}) == THREADS  # else a mix-up would not show
+    """Four trackers in four threads against one after the other, each on its own target."""
+    alone = [tracked(first, box, frames) for box in BOXES]
+    assert len({str(found) for found in alone}) == THREADS  # so that a mix-up is noticed
     barrier = threading.Barrier(THREADS, timeout=WAIT)
     HOLD[runtime](monkeypatch, barrier.wait)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
-        lambda tracker=tracker, box=box: followed(tracker, box, frames)
+        lambda tracker=tracker, box=box: tracked(tracker, box, frames)
         for tracker, box in zip(trackers, BOXES, strict=True)
     ]
     found = None
     with suppress(threading.BrokenBarrierError):
-        found = together(jobs, barrier)
+        found = in_parallel(jobs, barrier)
     assert found == alone
 
 
@@ -159,7 +159,7 @@ def test_the_papers_trackers(monkeypatch, runtime, golden, name, count):
     check(monkeypatch, runtime, first, golden_video("A", count)[0])
 
 
-def test_networks_whose_weights_are_held_once(monkeypatch):
+def test_networks_with_shared_weights(monkeypatch):
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
     from helpers.network_models import exported, folder
@@ -171,8 +171,8 @@ def test_networks_whose_weights_are_held_once(monkeypatch):
 
 
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
-def test_stabilized_and_with_the_next_frame_at_hand(frames, stabilize):
-    """Camera motion, prediction and the thread of `following` are each tracker's own."""
+def test_stabilized_with_following_frames(frames, stabilize):
+    """Camera motion, prediction and the thread for `following` are not shared."""
 
     def run(tracker, box):
         tracker.init(frames[0], box)
@@ -185,26 +185,26 @@ def test_stabilized_and_with_the_next_frame_at_hand(frames, stabilize):
     first = ssiam.load_tracker(stabilize=stabilize)
     alone = [run(first, box) for box in BOXES]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
         lambda tracker=tracker, box=box: run(tracker, box)
         for tracker, box in zip(trackers, BOXES, strict=True)
     ]
-    assert together(jobs, barrier) == alone
+    assert in_parallel(jobs, barrier) == alone
 
 
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
 def test_opencv(frames, name):
-    """They begin each frame at the same moment; MIL's runs are alike, too."""
+    """All threads start each frame at the same time."""
     first = ssiam.load_tracker(name, stabilize="off")
-    alone = [followed(first, box, frames) for box in BOXES]
+    alone = [tracked(first, box, frames) for box in BOXES]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    trackers = [first, *(first.another() for _ in BOXES[1:])]
+    trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
-        lambda tracker=tracker, box=box: followed(tracker, box, frames, barrier.wait)
+        lambda tracker=tracker, box=box: tracked(tracker, box, frames, barrier.wait)
         for tracker, box in zip(trackers, BOXES, strict=True)
     ]
-    assert together(jobs, barrier) == alone
+    assert in_parallel(jobs, barrier) == alone
 
 
 @pytest.mark.parametrize("keypoints", ssiam.motion.KEYPOINTS)
@@ -221,4 +221,4 @@ def test_camera_motion(frames, keypoints):
     alone = [run(seen) for seen in parts]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
     jobs = [lambda seen=seen: run(seen, barrier.wait) for seen in parts]
-    assert together(jobs, barrier) == alone
+    assert in_parallel(jobs, barrier) == alone

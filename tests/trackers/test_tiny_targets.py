@@ -1,21 +1,21 @@
-"""Targets of a few pixels: boxes as small as they are, or a score that knows better."""
+"""Targets of a few pixels: boxes of their size, or a lower score."""
 
 import cv2
 import numpy as np
 import pytest
 
 import ssiam
-from helpers.stub_networks import MARKER, Stub, kernels, seeing_maps
+from helpers.stub_networks import MARKER, Stub, kernels, marker_maps
 from helpers.synthetic import generator
 from ssiam import FrameView
 from ssiam.geometry import iou
-from ssiam.trackers.lite_mask import PastedMask, turned_box
-from ssiam.trackers.siamese import TargetState, floor_overlap, smallest_size
+from ssiam.trackers.lite_mask import PastedMask, rotated_box
+from ssiam.trackers.siamese import TargetState, min_size, min_size_iou
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 
 
 def drawn(side, shake, count=16):
-    """Frames (360, 640, 3) of a bright square that walks over a shaking ground, and its boxes."""
+    """Frames (360, 640, 3) of a bright square that moves over a shaking ground, and its boxes."""
     r = generator(3)
     noise = r.integers(0, 255, (700, 1000, 3), dtype=np.uint8)
     ground = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 60, 160, cv2.NORM_MINMAX)
@@ -30,7 +30,7 @@ def drawn(side, shake, count=16):
     return frames, boxes
 
 
-def followed(tracker, side, shake=4):
+def tracked(tracker, side, shake=4):
     """Overlaps with the truth, and scores."""
     frames, boxes = drawn(side, shake)
     tracker.init(frames[0], boxes[0])
@@ -41,18 +41,18 @@ def followed(tracker, side, shake=4):
 
 @pytest.mark.parametrize("side", [4, 6, 8, 12])
 @pytest.mark.parametrize(("stabilize", "shake"), [("predict", 4), ("off", 0)])
-def test_lite_gives_a_tiny_target_a_tiny_box(side, stabilize, shake):
-    overlaps, scores = followed(ssiam.load_tracker(stabilize=stabilize), side, shake)
+def test_lite_reports_tiny_boxes_for_tiny_targets(side, stabilize, shake):
+    overlaps, scores = tracked(ssiam.load_tracker(stabilize=stabilize), side, shake)
     assert overlaps.min() > 0.6
     assert scores.mean() > 0.8
 
 
 @pytest.mark.parametrize("version", ["v1", "v2", "v3"])
 @pytest.mark.parametrize("side", [6, 8])
-def test_nanotracks_score_knows_whether_its_box_can_be_right(shared, version, side):
+def test_nanotracks_score_accounts_for_the_minimum_size(shared, version, side):
     weights = shared(f"data/weights/nanotrack{version}")
     tracker = ssiam.load_tracker(f"nanotrack_{version}", weights=weights)
-    overlaps, scores = followed(tracker, side)
+    overlaps, scores = tracked(tracker, side)
     assert abs((overlaps > 0.5).mean() - scores.mean()) < 0.35
 
 
@@ -63,8 +63,8 @@ def marked(side):
 
 
 @pytest.mark.parametrize("side", [5, 6, 8, 16, 30])
-def test_the_references_loop_keeps_its_floor_and_its_score_knows_it(side):
-    networks = SiamRpnNetworks(Stub(kernels), seeing_maps())
+def test_siamrpn_keeps_the_references_minimum_size_and_lowers_its_score(side):
+    networks = SiamRpnNetworks(Stub(kernels), marker_maps())
     tracker = SiamRpn(networks, SiamRpnParameters(0.05, 0.42, 0.38))
     box = (150.0, 100.0, float(side), float(side))
     tracker.init(FrameView(marked(side)), box)
@@ -81,30 +81,29 @@ def test_the_references_loop_keeps_its_floor_and_its_score_knows_it(side):
 
 
 @pytest.mark.parametrize(
-    ("first", "smallest"),
+    ("first", "expected"),
     [((6, 8), (3, 4)), ((12, 40), (6, 10)), ((1, 1), (1, 1)), ((300, 20), (10, 10))],
 )
-def test_the_floor_follows_the_first_box(first, smallest):
-    assert smallest_size(first) == smallest
+def test_the_minimum_size_follows_the_first_box(first, expected):
+    assert min_size(first) == expected
 
 
-def test_only_a_box_on_its_floor_overlaps_less():
+def test_only_boxes_of_the_minimum_size_lower_the_score():
     state = TargetState((50.0, 50.0), (10.0, 30.0))
-    assert floor_overlap(state, np.array([5.0, 15.0])) == 0.5
-    assert floor_overlap(state, np.array([12.0, 15.0])) == 1.0
-    assert floor_overlap(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
+    assert min_size_iou(state, np.array([5.0, 15.0])) == 0.5
+    assert min_size_iou(state, np.array([12.0, 15.0])) == 1.0
+    assert min_size_iou(state, np.array([5.0, 15.0]), (4.0, 10.0)) == 1.0
 
 
-@pytest.mark.parametrize(("side", "turned"), [((14, 6), True), ((48, 24), True)])
-def test_a_small_masks_turn_is_believed(side, turned):
-    """Of a mask of less than 100 pixels the rotated box was always the upright one."""
+@pytest.mark.parametrize("size", [(14, 6), (48, 24)])
+def test_masks_below_100_pixels_also_get_a_rotated_box(size):
     mask = np.zeros((80, 80), np.uint8)
-    corners = cv2.boxPoints(((40.0, 40.0), side, 30.0))
+    corners = cv2.boxPoints(((40.0, 40.0), size, 30.0))
     cv2.fillPoly(mask, [np.round(corners).astype(np.int32)], 1)
     rows, columns = np.nonzero(mask)
     x, y = columns.min(), rows.min()
     xywh = (float(x), float(y), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
-    found = turned_box(PastedMask(mask.astype(bool), (0, 0)), xywh)
+    found = rotated_box(PastedMask(mask.astype(bool), (0, 0)), xywh)
     edges = np.roll(found, -1, axis=0) - found
     slant = np.abs(edges / np.linalg.norm(edges, axis=1)[:, None]).min(axis=1)
-    assert (slant > 0.2).all() == turned
+    assert (slant > 0.2).all()

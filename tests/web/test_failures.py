@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.failing_trackers import Hang, every_tenth, leave, troubled_tracker
+from helpers.failing_trackers import Hang, every_tenth, failing_tracker, leave
 from helpers.live_clients import Client, step_until
 from helpers.live_server import SECONDS, SIZE, EndlessFeed, until
 from ssiam.errors import IncompleteError, SourceError
@@ -55,7 +55,7 @@ class ObservedSession:
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 def test_a_tracker_that_raises_on_every_tenth_frame_loses_these_frames(stabilize):
-    with ObservedSession(troubled_tracker(every_tenth, stabilize)) as observed:
+    with ObservedSession(failing_tracker(every_tenth, stabilize)) as observed:
         first, second = (observed.ask(Add(BOX)) for _ in range(2))
         until(
             lambda: (
@@ -81,7 +81,7 @@ def test_a_tracker_that_raises_on_every_tenth_frame_loses_these_frames(stabilize
 
 
 def test_when_the_session_thread_dies_pending_commands_are_refused():
-    with ObservedSession(troubled_tracker(leave)) as observed:
+    with ObservedSession(failing_tracker(leave)) as observed:
         observed.ask(Add(BOX))
         until(lambda: observed.session.health.state == "failed")
         assert "SystemExit: out of the thread" in observed.session.health.message
@@ -93,7 +93,7 @@ def test_when_the_session_thread_dies_pending_commands_are_refused():
 
 def test_commands_are_refused_while_a_frame_is_stalled():
     hang = Hang()
-    with ObservedSession(troubled_tracker(hang), stall_seconds=0.5) as observed:
+    with ObservedSession(failing_tracker(hang), stall_seconds=0.5) as observed:
         observed.ask(Add(BOX))
         assert hang.hangs.wait(SECONDS)
         waiting = observed.session.submit(Pause(False))
@@ -109,7 +109,7 @@ def test_commands_are_refused_while_a_frame_is_stalled():
 
 
 def test_a_stalled_command_is_refused():
-    with ObservedSession(troubled_tracker(lambda frame: None), stall_seconds=0.3) as observed:
+    with ObservedSession(failing_tracker(lambda frame: None), stall_seconds=0.3) as observed:
         observed.session._engine._record = lambda on: time.sleep(1.5)
         with pytest.raises(CommandError, match="the command record has not finished"):
             observed.ask(Record(True))
@@ -119,7 +119,7 @@ def test_a_stalled_command_is_refused():
 
 def test_a_session_with_a_stalled_frame_can_be_closed():
     hang = Hang()
-    observed = ObservedSession(troubled_tracker(hang), stall_seconds=0.3)
+    observed = ObservedSession(failing_tracker(hang), stall_seconds=0.3)
     with observed:
         observed.ask(Add(BOX))
         assert hang.hangs.wait(SECONDS)
@@ -230,7 +230,7 @@ def test_a_stall_is_reported_to_clients():
     hang, notes = Hang(), Listeners()
     with (
         Session(
-            EndlessFeed(SIZE), troubled_tracker(hang), "kcf", Recordings(), notes, stall_seconds=0.5
+            EndlessFeed(SIZE), failing_tracker(hang), "kcf", Recordings(), notes, stall_seconds=0.5
         ) as session,
         LiveServer(session, port=0) as server,
     ):
@@ -250,7 +250,7 @@ def test_a_stall_is_reported_to_clients():
 
 def test_the_error_of_a_tracker_is_part_of_the_step():
     with (
-        Session(EndlessFeed(SIZE), troubled_tracker(every_tenth), "kcf", Recordings()) as session,
+        Session(EndlessFeed(SIZE), failing_tracker(every_tenth), "kcf", Recordings()) as session,
         LiveServer(session, port=0) as server,
         Client(Served(session, server)) as client,
     ):

@@ -17,7 +17,7 @@ from ssiam.errors import ArgumentError, check_choice
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
-from ssiam.trackers import DEFAULT_TRACKER, SteadiedTracker, TrackerName, load_tracker
+from ssiam.trackers import DEFAULT_TRACKER, StabilizedTracker, TrackerName, load_tracker
 
 TARGET_GROUP = Group("Target", sort_key=1)
 RUNTIME_GROUP = Group("Runtime", sort_key=9)
@@ -73,7 +73,7 @@ class TrackerOptions:
             return []
         return [("--weights", path) for path in (self.weights, *self.weights.glob("*"))]
 
-    def load(self, config: StabilizerConfig) -> SteadiedTracker:
+    def load(self, config: StabilizerConfig) -> StabilizedTracker:
         """The tracker, stabilized according to `config`; raises as `load_tracker`."""
         cv2.setNumThreads(self.threads)
         return load_tracker(

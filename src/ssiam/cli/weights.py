@@ -16,7 +16,7 @@ from ssiam.outputs import NamedPath, check_distinct, output_error
 from ssiam.runtime import MODEL_ZOO
 from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
-from ssiam.trackers import loading
+from ssiam.trackers import registry
 from ssiam.video.source_files import check_distinct_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
@@ -37,7 +37,7 @@ def show(*, folder: Path | None = None) -> None:
         Folder to search. By default the folder of ssiam weights import, and ./weights.
     """
     print("lite: included in the package")
-    folders = loading.weight_folders() if folder is None else (folder,)
+    folders = registry.weights_folders() if folder is None else (folder,)
     for tracker, publication in MODEL_ZOO.items():
         found = [each / publication.folder for each in folders]
         local = next((_description(path) for path in found if path.is_dir()), "not available")

@@ -102,7 +102,7 @@ class RefineGraph(nn.Module):
     Threads: inference may run in any number at once, training in one.
 
     The patches are x0 (1, 64, 61, 61), p1 (1, 256, 31, 31), p2 (1, 512, 15, 15) and corr
-    (1, 256, 1, 1); `ssiam.trackers.mask_windows` cuts them out.
+    (1, 256, 1, 1); `ssiam.trackers.siammask` cuts them out.
     """
 
     input_shapes = ((1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15), (1, 256, 1, 1))

@@ -1,14 +1,14 @@
-"""The trackers, and the steadied one that carries them."""
+"""Trackers, and `StabilizedTracker`, which runs them on stabilized frames."""
 
 from ssiam.trackers.base import ViewTracker
-from ssiam.trackers.catalogue import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
 from ssiam.trackers.group import TrackerGroup
-from ssiam.trackers.steadied import SteadiedTracker
+from ssiam.trackers.registry import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
+from ssiam.trackers.stabilized import StabilizedTracker
 
 __all__ = [
     "DEFAULT_TRACKER",
     "TRACKERS",
-    "SteadiedTracker",
+    "StabilizedTracker",
     "TrackerGroup",
     "TrackerName",
     "ViewTracker",

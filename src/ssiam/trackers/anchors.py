@@ -1,4 +1,4 @@
-"""Anchor boxes of the region proposal trackers, and the boxes decoded from them.
+"""Anchor boxes of SiamRPN and SiamMask, and the boxes decoded from them.
 
 SiamRPN (Li et al., CVPR 2018, section 3.3) predicts four numbers for each anchor; the shapes and
 their rounding are pysot's.
@@ -11,21 +11,25 @@ from typing import Final
 import numpy as np
 
 from ssiam.runtime import Tensor
-from ssiam.trackers.siamese import EXEMPLAR, Floats
+from ssiam.trackers.siamese import TEMPLATE_SIDE, Floats
 
 STRIDE: Final = 8  # px of the search region between cells of the response map
-ANCHORS: Final = 5  # a cell
+ANCHORS: Final = 5  # per cell
 _RATIOS: Final = (0.33, 0.5, 1, 2, 3)  # height over width
-_SCALE: Final = 8
+_SCALE: Final = 8  # ANCHOR.SCALES of pysot
 
 
 def response_side(instance: int, base: int) -> int:
-    """Cells of a response map's side.
+    """Cells along the side of a response map.
 
-    `instance` is the search crop's side in pixels, `base` the cells that the network's padding
-    adds (BASE_SIZE of pysot).
+    Parameters
+    ----------
+    instance : int
+        Side of the search crop, pixels (INSTANCE_SIZE of pysot).
+    base : int
+        Cells that the network's padding adds (BASE_SIZE of pysot).
     """
-    return (instance - EXEMPLAR) // STRIDE + 1 + base
+    return (instance - TEMPLATE_SIDE) // STRIDE + 1 + base
 
 
 def anchor_boxes(side: int) -> Floats:
@@ -34,7 +38,7 @@ def anchor_boxes(side: int) -> Floats:
     Returns
     -------
     (4, 5 * side * side) float64
-        cx, cy, w, h in search-region pixels from the region's centre; in the order shape, row,
+        cx, cy, w, h in search-region pixels from the region's center, in the order shape, row,
         column.
     """
     offsets = (np.arange(side) - side // 2) * float(STRIDE)
@@ -44,14 +48,14 @@ def anchor_boxes(side: int) -> Floats:
 
 
 def decode(loc: Tensor, anchors: Floats) -> Floats:
-    """Candidates of a network's regression maps (eq. 12 of SiamRPN, inverted).
+    """Boxes of a network's regression maps (eq. 12 of SiamRPN, inverted).
 
     Parameters
     ----------
     loc : (1, 20, n, n) float32
         dx, dy, dw, dh of each anchor and cell.
     anchors : (4, 5 * n * n) float64
-        As `anchor_boxes` gives them.
+        As returned by `anchor_boxes`.
 
     Returns
     -------
@@ -65,13 +69,13 @@ def decode(loc: Tensor, anchors: Floats) -> Floats:
 
 
 def cell_of(index: int, side: int) -> tuple[int, int]:
-    """Row and column of a candidate, whichever of the cell's anchors it belongs to."""
+    """Row and column of the cell that candidate `index` belongs to."""
     row, column = divmod(index % (side * side), side)
     return row, column
 
 
 def _shapes() -> list[tuple[int, int]]:
-    """Width and height of the five anchors, cut to whole numbers where pysot cuts them."""
+    """Width and height of the five anchors, truncated to whole numbers where pysot does so."""
     shapes = []
     for ratio in _RATIOS:
         w = int(np.sqrt(STRIDE * STRIDE / ratio))

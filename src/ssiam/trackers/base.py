@@ -1,8 +1,7 @@
-"""What a tracker has to be: two methods on views, in steadied coordinates."""
+"""`ViewTracker`: the interface of a tracker that runs on stabilized views."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 from ssiam.geometry import XYWH
@@ -11,38 +10,33 @@ from ssiam.track import Track
 
 
 class ViewTracker(Protocol):
-    """A tracker that looks at frames through a `FrameView` and never asks how it was steadied.
+    """A single-target tracker whose input is a `FrameView`.
 
-    Threads: one thread at a time for each object; those that `another` gives may run at once.
+    Threads: one thread at a time for each object; an object and its clones may run at once.
 
-    Boxes go in and come out in the view's steadied coordinates.
+    All boxes are in the view's stabilized pixels, so that a tracker does not depend on how its
+    frames are stabilized.
     """
 
     @property
-    def doubt(self) -> float | None:
-        """Score up to which it is worth while to `seek` in the same frame: 0 where that is costly.
+    def can_seek(self) -> bool:
+        """Whether the tracker can search around a given box.
 
-        None for trackers that cannot be told where to look.
+        If not, `seek` is not called, and a lost target is not searched for.
         """
 
+    @property
+    def reseek_below(self) -> float:
+        """Score (0..1) up to which a second search in the same frame is worth its cost."""
+
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the target in `xywh` as the one to follow, forgetting any other."""
+        """Take the object in `xywh` as the target, instead of any other."""
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view."""
+        """The target in the next view, searched around its last box."""
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The target in this view, looked for around `xywh`, wherever it was before."""
+        """The target in this view, searched around `xywh`."""
 
-    def another(self) -> ViewTracker:
-        """A tracker of the same kind, without a target, that shares what can be shared."""
-
-
-def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Box rounded to whole pixels and cut to a picture of (width, height), at least one pixel."""
-    x, y, w, h = xywh
-    width, height = size_wh
-    left, top = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
-    right = min(max(round(x) + round(w), left + 1), width)
-    bottom = min(max(round(y) + round(h), top + 1), height)
-    return left, top, right - left, bottom - top
+    def clone(self) -> ViewTracker:
+        """A tracker of the same kind without a target, which shares the networks."""

@@ -1,8 +1,11 @@
-"""`Confidence`: from what a tracker sees to the probability that its box is right.
+"""Confidence scores: a tracker's evidence, and the probability that its box is right.
 
-Trackers' own scores mean different things, and most stay high on whatever has taken the target's
-place. A logistic model turns each one's evidence into the same thing: the probability that the
-box overlaps the target by more than half.
+The scores of different trackers are not comparable, and most of them stay high after the tracker
+has switched to a distractor. A logistic model (`Confidence`) maps each tracker's evidence to one
+quantity: the probability that the box overlaps the target by more than half (IoU > 0.5). The
+evidence of the Siamese trackers is their logit and the similarity between the features in the box
+and the template's (`box_feature`), relative to its `RunningBaseline`. OpenCV's trackers have no
+score; their evidence is an `AppearanceModel`.
 """
 
 from __future__ import annotations
@@ -11,29 +14,42 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.geometry import XYWH, Image
 from ssiam.runtime import Tensor
+from ssiam.stabilize import FrameView
 
 Floats = NDArray[np.float64]
 
-_CORE: Final = 0.8  # of a box's sides: its edges are half background
-_LEARNT: Final = 0.05  # weight of one more value in what is usual
-_LEARNT_SURELY: Final = 0.2
-_UNUSUAL: Final = 0.1  # below the usual
-_NOTHING: Final = 0.05  # below the usual still is usual
-_MUCH: Final = 0.2  # further below makes no difference
+# Of `box_feature`.
+_CORE: Final = 0.8  # share of the box's sides that is averaged: its edges are half background
+
+# Of `RunningBaseline`.
+_RATE: Final = 0.05  # weight of a new value in the running mean
+_RATE_CONFIDENT: Final = 0.2  # the same while the target is confidently tracked
+_OUTLIER: Final = 0.1  # below the mean: from here on a value is only averaged if confident
+_TOLERANCE: Final = 0.05  # smaller drops are ignored
+_MAX_DROP: Final = 0.2  # larger drops saturate
+
+# Of `AppearanceModel`.
+_SAMPLES: Final = 16  # along the geometric mean of the target's sides
+_MIN_SAMPLES, _MAX_SAMPLES = 6, 48  # along one side
+_OVERSAMPLING: Final = 2  # finer samples along each side that are averaged into one
+_MAX_OFFSET: Final = 2  # samples by which a box may be displaced
+_MIN_DEVIATION: Final = 1.0  # gray levels, standard deviation of a usable template
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """A logistic model; its numbers come from benchmarks/calibration/confidence.py.
+    """A logistic model of the confidence score, fitted by benchmarks/calibration/confidence.py.
 
     Attributes
     ----------
     weights : tuple of float
-        One for each piece of evidence.
+        One for each number of the evidence.
     bias : float
     """
 
@@ -41,48 +57,127 @@ class Confidence:
     bias: float
 
     def probability(self, evidence: tuple[float, ...]) -> float:
-        """That the box overlaps the target by more than half, 0..1."""
+        """Probability that the box overlaps the target by more than half, 0..1."""
         pairs = zip(self.weights, evidence, strict=True)
         return 0.5 + 0.5 * math.tanh((self.bias + sum(w * e for w, e in pairs)) / 2)
 
 
-class Usual:
-    """What is usual of a number while the target is surely tracked."""
+class RunningBaseline:
+    """Running mean of a value while the target is tracked, and the drop of new values below it."""
 
     def __init__(self) -> None:
         self._mean: float | None = None
 
-    def shortfall(self, value: float, sure: bool) -> float:
-        """By how much a value is less than usual, 0 or negative: little is nothing, much is much.
+    def drop(self, value: float, confident: bool) -> float:
+        """Difference of a value to the baseline, 0 or negative; then the baseline is updated.
 
-        A value far below counts towards what is usual only if something else is `sure` of it.
+        Small drops are ignored, large drops saturate. A value far below the baseline is only
+        averaged into it if the tracker is `confident` by other evidence.
         """
         if self._mean is None:
             self._mean = value
-        below = value - self._mean
-        if sure or below > -_UNUSUAL:
-            self._mean += (_LEARNT_SURELY if sure else _LEARNT) * below
-        return max(min(below + _NOTHING, 0.0), -_MUCH)
+        difference = value - self._mean
+        if confident or difference > -_OUTLIER:
+            self._mean += (_RATE_CONFIDENT if confident else _RATE) * difference
+        return max(min(difference + _TOLERANCE, 0.0), -_MAX_DROP)
 
 
-def look(features: Tensor, stride: float, box: Floats) -> Floats:
-    """What a network sees in a box: the mean (C,) of its features (1, C, n, n), of length 1.
+def box_feature(features: Tensor, stride: float, box: Floats) -> Floats:
+    """Mean of a network's features in a box, as a unit vector (C,).
 
-    `box` is cx, cy, w, h in pixels of the crop, from its centre; `stride` pixels lie between
-    features.
+    Parameters
+    ----------
+    features : (1, C, n, n) float32
+    stride : float
+        Crop pixels between features.
+    box : (4,) float64
+        cx, cy, w, h in crop pixels from the crop's center.
     """
     side = features.shape[-1]
-    at = (np.arange(side) - (side - 1) / 2) * stride
+    positions = (np.arange(side) - (side - 1) / 2) * stride
     cx, cy, w, h = box
-    rows, columns = _within(at, cy, h, stride), _within(at, cx, w, stride)
+    rows, columns = _cells(positions, cy, h, stride), _cells(positions, cx, w, stride)
     mean = features[0][:, rows, columns].mean(axis=(1, 2), dtype=np.float64)
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
 
 
-def _within(at: Floats, centre: float, extent: float, stride: float) -> slice:
-    """The features within a box along one axis, at least the nearest one."""
+def _cells(positions: Floats, center: float, extent: float, stride: float) -> slice:
+    """The features inside of a box along one axis, at least the nearest one."""
     reach = max(_CORE * extent / 2, stride / 2)
-    first = int(np.searchsorted(at, centre - reach))
-    last = int(np.searchsorted(at, centre + reach))
-    first = min(first, len(at) - 1)
+    first = int(np.searchsorted(positions, center - reach))
+    last = int(np.searchsorted(positions, center + reach))
+    first = min(first, len(positions) - 1)
     return slice(first, max(last, first + 1))
+
+
+class AppearanceModel:
+    """The target's first and recent appearance: templates of a few hundred averaged pixels.
+
+    They are compared with a box by normalized cross-correlation.
+
+    Parameters
+    ----------
+    view : FrameView
+    xywh : (x, y, w, h)
+        The target in it, stabilized pixels.
+    """
+
+    def __init__(self, view: FrameView, xywh: XYWH) -> None:
+        _, _, w, h = xywh
+        per_pixel = _SAMPLES / np.sqrt(w * h)
+        self._grid_wh = tuple(
+            int(np.clip(round(side * per_pixel), _MIN_SAMPLES, _MAX_SAMPLES)) for side in (w, h)
+        )
+        self._first = self._recent = self._sampled(view, xywh, 0)
+
+    def update(self, view: FrameView, xywh: XYWH) -> None:
+        """Take the pixels in `xywh` as the recent appearance."""
+        self._recent = self._sampled(view, xywh, 0)
+
+    def similarity(self, view: FrameView, xywh: XYWH) -> tuple[float, float]:
+        """Correlation -1..1 of the pixels in `xywh` with the first and the recent appearance."""
+        first, recent = self._correlation_maps(self._sampled(view, xywh, _MAX_OFFSET))
+        return float(first.max()), float(recent.max())
+
+    def find(self, view: FrameView, xywh: XYWH, reach: float) -> XYWH:
+        """The box most similar to the target, at most `reach` target sizes from `xywh`."""
+        margin = round(reach * _SAMPLES)
+        correlation = np.maximum(*self._correlation_maps(self._sampled(view, xywh, margin)))
+        row, column = np.unravel_index(int(correlation.argmax()), correlation.shape)
+        x, y, w, h = xywh
+        columns, rows = self._grid_wh
+        return x + (int(column) - margin) * w / columns, y + (int(row) - margin) * h / rows, w, h
+
+    def _correlation_maps(self, image: Image) -> list[NDArray[np.float32]]:
+        return [_correlation(image, template) for template in (self._first, self._recent)]
+
+    def _sampled(self, view: FrameView, xywh: XYWH, margin: int) -> Image:
+        """The box and `margin` more samples on each side: (rows, columns, 3) uint8."""
+        x, y, w, h = xywh
+        box_columns, box_rows = self._grid_wh
+        step_x, step_y = w / box_columns / _OVERSAMPLING, h / box_rows / _OVERSAMPLING
+        left, top = x - margin * w / box_columns, y - margin * h / box_rows
+        stab_from_samples = np.array(
+            [
+                [step_x, 0, left + step_x / 2 - 0.5],
+                [0, step_y, top + step_y / 2 - 0.5],
+                [0, 0, 1],
+            ]
+        )
+        columns, rows = box_columns + 2 * margin, box_rows + 2 * margin
+        fine = cv2.warpAffine(
+            view.raw,
+            (view.raw_from_stab @ stab_from_samples)[:2],
+            (columns * _OVERSAMPLING, rows * _OVERSAMPLING),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_CONSTANT,
+        )
+        sampled = cv2.resize(fine, (columns, rows), interpolation=cv2.INTER_AREA)
+        return np.asarray(sampled, dtype=np.uint8)
+
+
+def _correlation(image: Image, template: Image) -> NDArray[np.float32]:
+    """Correlation -1..1 at each position of a template in an image; 0 for a flat template."""
+    found = cv2.matchTemplate(image, template, cv2.TM_CCOEFF_NORMED)
+    usable = template.std() >= _MIN_DEVIATION
+    return np.asarray(np.nan_to_num(found) if usable else 0 * found, np.float32)

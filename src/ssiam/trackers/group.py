@@ -1,4 +1,4 @@
-"""`TrackerGroup`: several targets in one video, one estimate of the camera's motion."""
+"""`TrackerGroup`: several targets in one video, with one estimate of the camera's motion."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr, xywh
 from ssiam.motion import Motion, PrefetchingCameraMotion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers.steadied import SteadiedTracker
+from ssiam.trackers.stabilized import StabilizedTracker
 
 Result = TypeVar("Result")
 
 
 class TrackerGroup(NotPicklable):
-    """Follows any number of targets with trackers of one kind.
+    """Tracks any number of targets with trackers of one kind.
 
     Threads: one thread at a time for the group and its trackers; several groups may run at once.
 
-    The camera's motion is estimated once a frame, without the points on any of the targets; the
-    trackers share their networks. Copies and pickles are those of its trackers.
+    The camera's motion is estimated once per frame, with all targets excluded, and the trackers
+    share their networks. A group can be copied if its trackers can, and not pickled.
 
     Parameters
     ----------
-    tracker : SteadiedTracker
-        The others are made from it.
+    tracker : StabilizedTracker
+        The group's trackers are clones of it.
     keep_going : bool
-        Whether `update` goes on where a tracker raises. Its target then counts as lost in this
-        frame, at its last box, and is tried again in the next one; `failures` has the error. So
-        does the camera's motion, which is unreliable then. A frame of another size still raises
-        `FrameSizeError`.
+        Whether `update` continues if a tracker raises. Its target then counts as lost in this
+        frame, at its last box, and is tried again in the next one; `failures` has the error.
+        Likewise, if the motion estimate raises, the motion to this frame is unreliable. A frame
+        of another size always raises `FrameSizeError`.
 
     Attributes
     ----------
     motion : Motion or None
         The camera's motion to the last frame; None with ``stabilize="off"``.
     failures : mapping of int to Exception
-        What trackers raised in the last update or switch, by the number of their box from 0;
-        empty unless `keep_going`.
+        Exceptions of trackers in the last `update` or `switch`, by the index of their box; empty
+        unless `keep_going`.
     camera_failure : Exception or None
-        What the estimate of the camera's motion raised.
+        Exception of the motion estimate in the last `update`.
     """
 
     _copy_hint = "make one in each process of a tracker loaded there"
 
-    def __init__(self, tracker: SteadiedTracker, *, keep_going: bool = False) -> None:
-        self._first = tracker.another()
+    def __init__(self, tracker: StabilizedTracker, *, keep_going: bool = False) -> None:
+        self._prototype = tracker.clone()
         self._keep_going = keep_going
-        self._trackers: list[SteadiedTracker] = []
-        self._boxes: Sequence[Sequence[float]] = []
+        self._trackers: list[StabilizedTracker] = []
+        self._exclude: Sequence[Sequence[float]] = []  # boxes left out of the next motion estimate
         self._size_wh: tuple[int, int] | None = None
         self._camera: PrefetchingCameraMotion | None = None
         self.motion: Motion | None = None
@@ -62,114 +62,115 @@ class TrackerGroup(NotPicklable):
         self.camera_failure: Exception | None = None
 
     def init(self, frame: Image, boxes: Sequence[Sequence[float]]) -> None:
-        """Take the targets in `boxes` (x, y, w, h) of `frame`, and no others.
+        """Take the objects in `boxes` (x, y, w, h) of `frame` as the targets, and no others.
 
-        There may be none, where they `join` later. Where one of them is refused, with an error of
-        `SteadiedTracker`, the group goes on with the targets that it had.
+        The list may be empty if targets `join` later. If one box is refused, with an error of
+        `StabilizedTracker.init`, the group keeps its former targets.
         """
         size_wh = check_frame(frame)
         trackers = []
-        for box in [check_box(each, size_wh) for each in _several(boxes)]:
-            tracker = self._first.another()
+        for box in [check_box(each, size_wh) for each in _box_list(boxes)]:
+            tracker = self._prototype.clone()
             tracker.init(frame, box)
             trackers.append(tracker)
-        camera = self._first.camera()
+        camera = self._prototype.new_camera()
         motion = None if camera is None else camera.update(frame)
-        self._trackers, self._boxes, self._size_wh = trackers, list(boxes), size_wh
+        self._trackers, self._exclude, self._size_wh = trackers, list(boxes), size_wh
         self._camera, self.motion = camera, motion
 
-    def another(self) -> SteadiedTracker:
-        """A tracker of this kind without a target, to `join` once it has one."""
-        return self._first.another()
+    def new_tracker(self) -> StabilizedTracker:
+        """A tracker of the group's kind without a target, to `join` once it has one."""
+        return self._prototype.clone()
 
-    def join(self, tracker: SteadiedTracker, box: Sequence[float]) -> None:
-        """Follow one more target, that `tracker` sees in `box` of the last frame.
+    def join(self, tracker: StabilizedTracker, box: Sequence[float]) -> None:
+        """Add the target of `tracker`, which is in `box` of the last frame.
 
         Raises
         ------
         ValueError
-            The group has seen no frame yet, the tracker has no target, is of another
-            stabilization or in the group already, or the box is not of its form.
+            The group has not been given a frame yet, the tracker has no target, a different
+            stabilization or is in the group already, or the box has the wrong form.
         """
-        self._check_begun()
+        self._checked_size_wh()
         xywh = xywh_floats(box)
-        if not isinstance(tracker, SteadiedTracker) or not tracker.has_target:
+        if not isinstance(tracker, StabilizedTracker) or not tracker.has_target:
             raise ArgumentError("this tracker has no target: call its init(frame, box) before join")
-        if tracker.config != self._first.config:
+        if tracker.config != self._prototype.config:
             raise ArgumentError(
                 f"this tracker stabilizes by {tracker.config.stabilize!r} or by other numbers than "
-                "the group: take one from another()"
+                "the group: take one from new_tracker()"
             )
         if any(each is tracker for each in self._trackers):
             raise ArgumentError("this tracker is in the group already")
         self._trackers.append(tracker)
-        self._boxes = [*self._boxes, xywh]
+        self._exclude = [*self._exclude, xywh]
 
-    def leave(self, tracker: SteadiedTracker) -> None:
-        """Follow the target of `tracker` no longer; `ValueError` if it is not in the group."""
+    def leave(self, tracker: StabilizedTracker) -> None:
+        """Remove the target of `tracker`; `ValueError` if it is not in the group."""
         if not any(each is tracker for each in self._trackers):
             raise ArgumentError("this tracker is not in the group: it has left, or never joined")
-        place = self._trackers.index(tracker)
-        self._trackers = [*self._trackers[:place], *self._trackers[place + 1 :]]
-        self._boxes = [*self._boxes[:place], *self._boxes[place + 1 :]]
+        index = self._trackers.index(tracker)
+        self._trackers = [*self._trackers[:index], *self._trackers[index + 1 :]]
+        self._exclude = [*self._exclude[:index], *self._exclude[index + 1 :]]
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
         """Stabilize by `config` from now on; `frame` is the last one.
 
-        With `keep_going`, `failures` has the trackers that cannot, which should `leave`.
+        With `keep_going`, `failures` has the trackers that fail, which should `leave`.
         """
         check_frame(frame, self._size_wh)
         failures: dict[int, Exception] = {}
-        self._first.switch(config, frame)
-        for place, tracker in enumerate(self._trackers):
-            self._tried(failures, place, partial(tracker.switch, config, frame))
+        self._prototype.switch(config, frame)
+        for index, tracker in enumerate(self._trackers):
+            self._attempt(failures, index, partial(tracker.switch, config, frame))
         self.failures = failures
-        self._camera = self._first.camera()
-        self.motion = self._moved(frame)
+        self._camera = self._prototype.new_camera()
+        self.motion = self._estimate_motion(frame)
 
     def update(self, frame: Image, following: Image | None = None) -> list[Track]:
         """The targets in the next frame, in the order of their boxes; raw-frame pixels.
 
-        `following` is the frame after this one, where it is at hand. For it and for the errors
-        see `SteadiedTracker.update`.
+        `following` is the frame after this one, if it is available. For it and for the errors
+        see `StabilizedTracker.update`.
         """
-        size_wh = self._check_begun()
+        size_wh = self._checked_size_wh()
         check_frame(frame, size_wh)
         ahead = following is not None and check_frame(following) == size_wh
         failures: dict[int, Exception] = {}
-        self.motion = motion = self._moved(frame, self._boxes)
-        expected = [
-            self._tried(failures, place, partial(tracker.expect, motion))
-            for place, tracker in enumerate(self._trackers)
+        self.motion = motion = self._estimate_motion(frame, self._exclude)
+        steps = [
+            self._attempt(failures, index, partial(tracker.advance, motion))
+            for index, tracker in enumerate(self._trackers)
         ]
-        known = [box for box in expected if box is not None]
+        predicted = [None if step is None else step.predicted_xywh for step in steps]
+        known = [box for box in predicted if box is not None]
         if (
             self._camera is not None
             and ahead
             and following is not None
-            and len(known) == len(expected)
+            and len(known) == len(predicted)
         ):
             self._camera.start(following, exclude=known)
-        tracks = [
-            self._tried(failures, place, partial(tracker.look, frame))
-            for place, tracker in enumerate(self._trackers)
+        located = [
+            None
+            if step is None
+            else self._attempt(failures, index, partial(tracker.locate, frame, step))
+            for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True))
         ]
         self.failures = failures
-        found = [
-            self._unseen(place) if track is None or place in failures else track
-            for place, track in enumerate(tracks)
+        tracks = [
+            self._failed_track(index) if track is None else track
+            for index, track in enumerate(located)
         ]
-        self._boxes = [
-            track.box if box is None else box for box, track in zip(expected, found, strict=True)
+        self._exclude = [
+            track.box if box is None else box for box, track in zip(predicted, tracks, strict=True)
         ]
-        return found
+        return tracks
 
-    def _tried(
-        self, failures: dict[int, Exception], place: int, work: Callable[[], Result]
+    def _attempt(
+        self, failures: dict[int, Exception], index: int, work: Callable[[], Result]
     ) -> Result | None:
-        """What a tracker answers; None if it has failed on this frame, which is noted."""
-        if place in failures:
-            return None
+        """The result of `work`; None if it raises, in which case the error is in `failures`."""
         try:
             return work()
         except FrameSizeError:
@@ -177,22 +178,24 @@ class TrackerGroup(NotPicklable):
         except Exception as error:
             if not self._keep_going:
                 raise
-            failures[place] = error
+            failures[index] = error
             return None
 
-    def _unseen(self, place: int) -> Track:
+    def _failed_track(self, index: int) -> Track:
         """The track of a target whose tracker has failed."""
-        x, y, w, h = map(float, self._boxes[place])
+        x, y, w, h = map(float, self._exclude[index])
         box: XYWH = (x, y, w, h)
         return Track(box, score=0.0, lost=True, motion=self.motion)
 
-    def _moved(self, frame: Image, boxes: Sequence[Sequence[float]] | None = None) -> Motion | None:
-        """The camera's motion to `frame`, None with ``stabilize="off"``."""
+    def _estimate_motion(
+        self, frame: Image, exclude: Sequence[Sequence[float]] | None = None
+    ) -> Motion | None:
+        """The camera's motion to `frame`; None with ``stabilize="off"``."""
         self.camera_failure = None
         if self._camera is None:
             return None
         try:
-            return self._camera.update(frame, exclude=boxes)
+            return self._camera.update(frame, exclude=exclude)
         except FrameSizeError:
             raise
         except Exception as error:
@@ -201,20 +204,20 @@ class TrackerGroup(NotPicklable):
             self.camera_failure = error
             return Motion.none((frame.shape[1], frame.shape[0]))
 
-    def _check_begun(self) -> tuple[int, int]:
+    def _checked_size_wh(self) -> tuple[int, int]:
         if self._size_wh is None:
             raise ArgumentError("no target yet: call init(frame, boxes) first")
         return self._size_wh
 
 
-def _several(boxes: Any) -> list[Any]:
-    """The boxes of a group one by one; an `ArgumentError` for what is no series of boxes."""
-    several: list[Any] | None = None
+def _box_list(boxes: Any) -> list[Any]:
+    """The boxes of a group as a list; `ArgumentError` if they are not a sequence of boxes."""
+    box_list: list[Any] | None = None
     if not isinstance(boxes, str | bytes | Set | Mapping):
         with suppress(TypeError):
-            several = list(boxes)
-    if several is None or any(isinstance(each, Real) for each in several):
+            box_list = list(boxes)
+    if box_list is None or any(isinstance(each, Real) for each in box_list):
         raise ArgumentError(
             f"boxes is {short_repr(boxes)}: give a list of (x, y, width, height) in pixels"
         )
-    return several
+    return box_list

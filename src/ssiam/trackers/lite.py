@@ -1,8 +1,9 @@
-"""The small tracker trained here: an anchor-free search, and a mask of the target.
+"""`LiteTracker`: the small anchor-free Siamese tracker trained here, with a mask of the target.
 
-The loop is that of the Siamese trackers; the score is the probability that a cell lies on the
-target times the overlap that its box is expected to have. Unlike theirs it has no half pixels of
-asymmetry: centres are those of the boxes, x + w / 2, and crops count from where they were cut.
+The loop is that of the Siamese trackers. The score of a cell is the probability that it is on the
+target, times the IoU that its box is expected to have. Unlike the references the loop has no
+asymmetry of half a pixel: centers are those of the boxes, x + w / 2, and positions in a crop
+count from its actual corner.
 """
 
 from __future__ import annotations
@@ -14,39 +15,40 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.lite_mask import crop_corner, pasted, turned_box
-from ssiam.trackers.rivals import Rivals
+from ssiam.trackers.distractors import DistractorTracker
+from ssiam.trackers.lite_mask import crop_corner, pasted_mask, rotated_box
 from ssiam.trackers.siamese import (
-    EXEMPLAR,
+    TEMPLATE_SIDE,
     Floats,
     SearchParameters,
+    SiameseTracker,
     TargetState,
-    choose,
+    boxes_from_distances,
     cosine_window,
     crop_tensor,
-    floor_overlap,
-    moved,
+    grid_points,
+    min_size,
+    min_size_iou,
+    next_state,
+    select_candidate,
     sigmoid,
-    smallest_size,
-    state_at,
 )
 
 LiteName: TypeAlias = Literal["lite"]
 SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"
 
-SEARCH: Final = 255  # px, side of the search crop
+SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
-_LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
+_LOGIT_RANGE: Final = (-8.0, 8.0)  # the evidence is clipped to it
 
-# From benchmarks/calibration/search_parameters.py, on videos that training left out.
+# From benchmarks/calibration/search_parameters.py, on videos left out of training.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.1, lr=0.6)
 CONFIDENCE: Final = Confidence((1.61, 1.02), -0.92)  # from benchmarks/calibration/confidence.py
 MASK_THRESHOLD: Final = 0.2  # from benchmarks/calibration/mask_threshold.py
@@ -58,8 +60,8 @@ class LiteNetworks:
 
     Threads: any number may share it.
 
-    `template` (1, 3, 127, 127) float32 BGR in 0..255 -> kernel (1, 64, 96); `search`
-    (1, 3, 255, 255) and the kernel -> logits of score and quality (1, 1, 32, 32), distances
+    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to a kernel (1, 64, 96); `search` maps
+    (1, 3, 255, 255) and the kernel to logits of score and quality (1, 1, 32, 32), distances
     (1, 4, 32, 32) in px, and logits of the mask (1, 1, 64, 64).
     """
 
@@ -67,28 +69,39 @@ class LiteNetworks:
     search: Network
 
     @classmethod
-    def load(cls, weights: Path, running: RuntimeOptions) -> LiteNetworks:
-        """The networks of a folder that `ssiam train` has written.
+    def load(cls, weights: Path, options: RuntimeOptions) -> LiteNetworks:
+        """Load the networks from a folder that `ssiam train` has written.
 
         Raises
         ------
         WeightsError
             They are missing, damaged or of another network.
         ArgumentError
-            They cannot run so.
+            They do not run with these options.
         """
         from ssiam.runtime.loading import load_pieces
 
-        if running.runtime == "torch":
+        if options.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
-        if running.precision == "int8":
+        if options.precision == "int8":
             raise ArgumentError("tracker lite has no int8 weights: leave precision out")
-        pieces = load_pieces(weights, "lite", running)
+        pieces = load_pieces(weights, "lite", options)
         return cls(pieces["template"], pieces["search"])
 
 
-class LiteTracker(DeepCopied):
-    """The loop on any frame view.
+@dataclass
+class _Target:
+    """State of the target."""
+
+    state: TargetState
+    min_wh: tuple[float, float]
+    kernel: Tensor
+    fill: Floats  # color outside of the frame, BGR
+    distractors: DistractorTracker
+
+
+class LiteTracker(SiameseTracker[_Target]):
+    """The loop of the default tracker.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
@@ -97,15 +110,13 @@ class LiteTracker(DeepCopied):
     networks : LiteNetworks
     parameters : SearchParameters
     confidence : Confidence
-        Of the logits of the chosen cell's score and quality.
+        Its evidence is the logits of the chosen cell's score and quality.
     masks : bool
-        Without, there are neither masks nor rotated boxes.
+        Whether tracks have masks and rotated boxes.
     mask_threshold : float
-        Probability above which a pixel is the target's: less than a half, as the overlap (IoU) is
-        best where doubtful pixels count.
+        Probability above which a pixel belongs to the target: less than a half, since the IoU of
+        masks is best if uncertain pixels are included.
     """
-
-    doubt = 0.0
 
     def __init__(
         self,
@@ -116,87 +127,65 @@ class LiteTracker(DeepCopied):
         masks: bool = True,
         mask_threshold: float = MASK_THRESHOLD,
     ) -> None:
+        super().__init__()
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
         self._masks = masks
         self._mask_threshold = mask_threshold
         self._window = cosine_window(_SIDE)
-        middles = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
-        self._middles = np.stack(np.meshgrid(middles, middles)).reshape(2, -1)
+        self._points = grid_points((np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE)
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        state, fill = state_at(xywh), view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.center_xy, round(state.context_side), EXEMPLAR, fill)
+        """Take the template from `xywh`; crops are padded with the frame's mean color."""
+        state = TargetState.from_reported_xywh(xywh)
+        fill: Floats = view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
-        self._state, self._fill, self._kernel = state, fill, kernel
-        self._floor_wh = smallest_size(state.size_wh)
-        self._rivals = Rivals()
+        min_wh = min_size(state.size_wh)
+        self._start(_Target(state, min_wh, kernel, fill, DistractorTracker()))
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners if they are wanted."""
-        last = self._state
-        side = round(SEARCH / EXEMPLAR * last.context_side)
-        zoom = SEARCH / side
-        crop = view.crop(last.center_xy, side, SEARCH, self._fill)
+        """The target in the next view, with mask and corners unless `masks` is off."""
+        target, last = self._target, self._target.state
+        side = round(SEARCH_SIDE / TEMPLATE_SIDE * last.context_side)
+        zoom = SEARCH_SIDE / side
+        crop = view.crop(last.center_xy, side, SEARCH_SIDE, target.fill)
         scores, qualities, distances, mask_logits = self._networks.search(
-            crop_tensor(crop), self._kernel
+            crop_tensor(crop), target.kernel
         )
         score = sigmoid(scores) * sigmoid(qualities)
-        boxes = self._boxes(distances)
-        boxes[:2] += self._off(last, side)[:, None] * zoom
+        boxes = boxes_from_distances(distances, self._points)
+        # The crop's corner is in whole pixels: its center is not exactly the target's.
+        crop_offset = crop_corner(last.center_xy, side) + side / 2 - last.center_xy
+        boxes[:2] += crop_offset[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        taken = self._rivals.taken(boxes[:2].T / zoom + last.center_xy, score, last)
-        best, penalty = choose(
-            boxes, np.where(taken, -1.0, score), size, self._window, self._parameters
-        )
-        self._rivals.follow(best)
+        candidates = target.distractors.detect(boxes[:2].T / zoom + last.center_xy, score, last)
+        allowed = np.where(candidates.is_distractor, -1.0, score)
+        best, penalty = select_candidate(boxes, allowed, size, self._window, self._parameters)
+        target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(last, boxes[:, best], zoom, rate, view, self._floor_wh)
-        logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
-        evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
+        target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
+        logits = (float(logit_map.ravel()[best]) for logit_map in (scores, qualities))
+        evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
         probability = self._confidence.probability(evidence)
-        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
-        found = Track(self._state.xywh, probability, evidence=evidence)
-        return self._masked(found, mask_logits, view, last, side) if self._masks else found
+        probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
+        track = Track(target.state.xywh, probability, evidence=evidence)
+        return self._with_mask(track, mask_logits, view, last, side) if self._masks else track
 
-    def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The target in this view, looked for around `xywh`."""
-        self._state = state_at(xywh)
-        self._rivals = Rivals()
-        return self.track(view)
+    def _move_to(self, xywh: XYWH) -> None:
+        self._target.state = TargetState.from_reported_xywh(xywh)
+        self._target.distractors = DistractorTracker()
 
-    def another(self) -> LiteTracker:
-        """A second tracker on the same networks."""
-        return LiteTracker(
-            self._networks,
-            self._parameters,
-            self._confidence,
-            masks=self._masks,
-            mask_threshold=self._mask_threshold,
-        )
-
-    @staticmethod
-    def _off(last: TargetState, side: int) -> Floats:
-        """How far (2,) the middle of the search crop lies from the last centre, view's pixels."""
-        return crop_corner(last.center_xy, side) + side / 2 - last.center_xy
-
-    def _boxes(self, distances: Tensor) -> Floats:
-        """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
-        left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
-        x, y = self._middles
-        return np.stack(
-            [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
-        )
-
-    def _masked(
-        self, found: Track, logits: Tensor, view: FrameView, last: TargetState, side: int
+    def _with_mask(
+        self, track: Track, logits: Tensor, view: FrameView, last: TargetState, side: int
     ) -> Track:
-        """With the mask in the view's pixels, and its rotated box if that agrees with the box."""
-        # A steadied view shows parts of the raw frame beyond its own edges.
+        """The track with its mask in the view's pixels, and its rotated box."""
+        # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        least = math.log(self._mask_threshold / (1 - self._mask_threshold))
-        mask = pasted(logits - least, last.center_xy, side, found.box, view.size_wh, margin)
-        corners = turned_box(mask, found.box)
-        return replace(found, mask=mask.inside(view.size_wh), corners=corners)
+        threshold_logit = math.log(self._mask_threshold / (1 - self._mask_threshold))
+        mask = pasted_mask(
+            logits - threshold_logit, last.center_xy, side, track.box, view.size_wh, margin
+        )
+        corners = rotated_box(mask, track.box)
+        return replace(track, mask=mask.full(view.size_wh), corners=corners)

@@ -1,8 +1,8 @@
-"""The loop of `lite`'s second network: anchor-free, with a memory of the target's recent look.
+"""`Lite2Tracker`: the loop of the second `lite` network, with a memory of a recent template.
 
-The loop is that of the Siamese trackers; the score is the probability that a cell lies on the
-target times the overlap that its box is expected to have. Centers are those of the boxes,
-x + w / 2, and crops count from where they were cut, as in `ssiam.trackers.lite`.
+The loop is that of the Siamese trackers. The score of a cell is the probability that it is on the
+target, times the IoU that its box is expected to have. Centers are those of the boxes,
+x + w / 2, and positions in a crop count from its actual corner, as in `ssiam.trackers.lite`.
 """
 
 from __future__ import annotations
@@ -19,24 +19,27 @@ from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence
+from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.lite_mask import crop_corner
-from ssiam.trackers.rivals import Rivals
 from ssiam.trackers.siamese import (
-    EXEMPLAR,
+    TEMPLATE_SIDE,
     Floats,
     SearchParameters,
-    choose,
+    SiameseTracker,
+    TargetState,
+    boxes_from_distances,
     cosine_window,
     crop_tensor,
-    moved,
+    grid_points,
+    next_state,
+    select_candidate,
     sigmoid,
-    state_at,
 )
 
-SEARCH: Final = 255  # px, side of the search crop
+SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between cells
 _SIDE: Final = 15  # cells
-_LOGITS: Final = (-8.0, 8.0)  # beyond these a score says no more
+_LOGIT_RANGE: Final = (-8.0, 8.0)  # the evidence is clipped to it
 
 PARAMETERS: Final = SearchParameters(penalty_k=0.138, window_influence=0.3, lr=0.4)
 CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
@@ -44,16 +47,17 @@ CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
 
 @dataclass(frozen=True)
 class Memory:
-    """When the recent template is taken anew.
+    """When the recent template is replaced.
 
     Attributes
     ----------
     every : int
-        Frames from one to the next, at least; 0: there is only the first template.
+        Minimum number of frames between two replacements; 0 for the first template only.
     score : float
-        Score 0..1 of the chosen cell from which the target is surely seen.
+        Minimum score 0..1 of the chosen cell.
     alone : float
-        Share 0..1 of that score which no cell off the target may exceed.
+        Share 0..1 of that score from which a cell outside of the target's box, which may be a
+        distractor, prevents the replacement.
     """
 
     every: int = 10
@@ -68,52 +72,66 @@ MEMORY: Final = Memory()
 class Lite2Networks:
     """The networks, which any number of trackers may share.
 
-    `template` (1, 3, 127, 127) float32 BGR in 0..255 -> the kernels of
-    `ssiam.networks.lite2.Lite2Network.template`, their context last; `search` (1, 3, 255, 255),
-    the kernels and the context of a recent template -> logits of score and quality
-    (1, 1, 15, 15), distances (1, 4, 15, 15) in px.
+    Threads: any number may share it.
+
+    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to the kernels of
+    `ssiam.networks.lite2.Lite2Network.template`, their context last; `search` maps
+    (1, 3, 255, 255), the kernels and the context of a recent template to logits of score and
+    quality (1, 1, 15, 15), and distances (1, 4, 15, 15) in px.
     """
 
     template: Network
     search: Network
 
     @classmethod
-    def load(cls, weights: Path, running: RuntimeOptions) -> Lite2Networks:
-        """The networks of a folder that `ssiam train` has written.
+    def load(cls, weights: Path, options: RuntimeOptions) -> Lite2Networks:
+        """Load the networks from a folder that `ssiam train` has written.
 
         Raises
         ------
         WeightsError
             They are missing, damaged or of another network.
         ArgumentError
-            They cannot run so.
+            They do not run with these options.
         """
         from ssiam.runtime.loading import load_pieces
 
-        if running.runtime == "torch":
+        if options.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
-        pieces = load_pieces(weights, "lite2", running)
+        pieces = load_pieces(weights, "lite2", options)
         return cls(pieces["template"], pieces["search"])
 
     def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
-        """Responses of a search crop; a network without attention takes no context."""
+        """Outputs of `search`; a network without attention takes no context."""
         inputs = crop, *kernels, recent
         return self.search(*inputs[: len(self.search.input_shapes) or None])
 
 
-class Lite2Tracker:
-    """The loop on any frame view.
+@dataclass
+class _Target:
+    """State of the target."""
+
+    state: TargetState
+    kernels: list[Tensor]  # of the first template, its context last
+    fill: Floats  # color outside of the frame, BGR
+    recent: Tensor  # context of the recent template
+    age: int  # frames since the recent template was taken
+    distractors: DistractorTracker
+
+
+class Lite2Tracker(SiameseTracker[_Target]):
+    """The loop of the second `lite` network.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Parameters
     ----------
     networks : Lite2Networks
     parameters : SearchParameters
     confidence : Confidence
-        Of the logits of the chosen cell's score and quality.
+        Its evidence is the logits of the chosen cell's score and quality.
     memory : Memory
     """
-
-    doubt = 0.0
 
     def __init__(
         self,
@@ -122,84 +140,69 @@ class Lite2Tracker:
         confidence: Confidence = CONFIDENCE,
         memory: Memory = MEMORY,
     ) -> None:
+        super().__init__()
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
         self._memory = memory
         self._window = cosine_window(_SIDE)
-        offsets = (np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE)
-        self._points = np.stack(np.meshgrid(offsets, offsets)).reshape(2, -1)
+        self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the template from `xywh`; its surroundings' mean color fills what is outside."""
-        self._state = state_at(xywh)
-        self._rivals = Rivals()
-        self._fill: Floats = view.raw.mean(axis=(0, 1))
-        self._kernels = self._template(view)
-        self._forget()
+        """Take the template from `xywh`; crops are padded with the frame's mean color."""
+        state = TargetState.from_reported_xywh(xywh)
+        fill: Floats = view.raw.mean(axis=(0, 1))
+        kernels = self._template(view, state, fill)
+        self._start(_Target(state, kernels, fill, kernels[-1], 0, DistractorTracker()))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
-        last = self._state
-        side = round(SEARCH / EXEMPLAR * last.context_side)
-        zoom = SEARCH / side
-        crop = view.crop(last.center_xy, side, SEARCH, self._fill)
+        target, last = self._target, self._target.state
+        side = round(SEARCH_SIDE / TEMPLATE_SIDE * last.context_side)
+        zoom = SEARCH_SIDE / side
+        crop = view.crop(last.center_xy, side, SEARCH_SIDE, target.fill)
         scores, qualities, distances = self._networks.responses(
-            crop_tensor(crop), self._kernels, self._recent
+            crop_tensor(crop), target.kernels, target.recent
         )
         score = sigmoid(scores) * sigmoid(qualities)
-        boxes = self._boxes(distances)
-        corner = crop_corner(last.center_xy, side)
-        boxes[:2] += (corner + side / 2 - last.center_xy)[:, None] * zoom
+        boxes = boxes_from_distances(distances, self._points)
+        # The crop's corner is in whole pixels: its center is not exactly the target's.
+        crop_offset = crop_corner(last.center_xy, side) + side / 2 - last.center_xy
+        boxes[:2] += crop_offset[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        taken = self._rivals.taken(boxes[:2].T / zoom + last.center_xy, score, last)
-        best, penalty = choose(
-            boxes, np.where(taken, -1.0, score), size, self._window, self._parameters
-        )
-        self._rivals.follow(best)
+        candidates = target.distractors.detect(boxes[:2].T / zoom + last.center_xy, score, last)
+        allowed = np.where(candidates.is_distractor, -1.0, score)
+        best, penalty = select_candidate(boxes, allowed, size, self._window, self._parameters)
+        target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(last, boxes[:, best], zoom, rate, view)
-        self._remember(view, boxes, score, best)
-        logits = (float(maps.ravel()[best]) for maps in (scores, qualities))
-        evidence = tuple(float(np.clip(logit, *_LOGITS)) for logit in logits)
-        return Track(self._state.xywh, self._confidence.probability(evidence), evidence=evidence)
+        target.state = next_state(last, boxes[:, best], zoom, rate, view)
+        self._update_memory(target, view, boxes, score, best)
+        logits = (float(logit_map.ravel()[best]) for logit_map in (scores, qualities))
+        evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
+        probability = self._confidence.probability(evidence)
+        return Track(target.state.xywh, probability, evidence=evidence)
 
-    def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The target in this view, looked for around `xywh`."""
-        self._state = state_at(xywh)
-        self._rivals = Rivals()
-        self._forget()
-        return self.track(view)
+    def _move_to(self, xywh: XYWH) -> None:
+        target = self._target
+        target.state = TargetState.from_reported_xywh(xywh)
+        target.distractors = DistractorTracker()
+        target.recent, target.age = target.kernels[-1], 0
 
-    def another(self) -> Lite2Tracker:
-        """A second tracker on the same networks."""
-        return Lite2Tracker(self._networks, self._parameters, self._confidence, self._memory)
-
-    def _template(self, view: FrameView) -> list[Tensor]:
-        """Kernels and context of the target as it is now."""
-        side = round(self._state.context_side)
-        crop = view.crop(self._state.center_xy, side, EXEMPLAR, self._fill)
+    def _template(self, view: FrameView, state: TargetState, fill: Floats) -> list[Tensor]:
+        """Kernels and context of the target in this view."""
+        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         return self._networks.template(crop_tensor(crop))
 
-    def _forget(self) -> None:
-        """Only the first template counts from now on."""
-        self._recent, self._age = self._kernels[-1], 0
-
-    def _remember(self, view: FrameView, boxes: Floats, score: Floats, best: int) -> None:
-        """Take the recent template where the target is surely seen, and nothing like it."""
-        self._age += 1
+    def _update_memory(
+        self, target: _Target, view: FrameView, boxes: Floats, score: Floats, best: int
+    ) -> None:
+        """Replace the recent template if the score is high and there is no distractor."""
+        target.age += 1
         memory = self._memory
-        if not memory.every or self._age < memory.every or score[best] < memory.score:
+        if not memory.every or target.age < memory.every or score[best] < memory.score:
             return
-        off = np.abs(boxes[:2] - boxes[:2, best : best + 1]) > boxes[2:, best : best + 1] / 2
-        others = score[off.any(axis=0)]
+        outside = np.abs(boxes[:2] - boxes[:2, best : best + 1]) > boxes[2:, best : best + 1] / 2
+        others = score[outside.any(axis=0)]
         if not len(others) or others.max() < memory.alone * score[best]:
-            self._recent, self._age = self._template(view)[-1], 0
-
-    def _boxes(self, distances: Tensor) -> Floats:
-        """Candidates (4, n): cx, cy, w, h in search pixels from the search region's center."""
-        left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
-        x, y = self._points
-        return np.stack(
-            [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
-        )
+            target.recent = self._template(view, target.state, target.fill)[-1]
+            target.age = 0

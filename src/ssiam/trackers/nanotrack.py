@@ -6,37 +6,48 @@ a backbone that is run on template and search region, and a head that compares t
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.copying import DeepCopied
+from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Tensor
+from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor, load_network
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
-from ssiam.trackers.confidence import Confidence, Usual, look
-from ssiam.trackers.nanotrack_networks import SEARCH, NanoTrackName, NanoTrackNetworks
+from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
 from ssiam.trackers.siamese import (
-    EXEMPLAR,
+    TEMPLATE_SIDE,
     Floats,
     SearchParameters,
+    SiameseTracker,
     TargetState,
-    choose,
+    boxes_from_distances,
     cosine_window,
     crop_tensor,
-    floor_overlap,
-    foreground,
-    moved,
-    smallest_size,
-    state_at,
+    foreground_probability,
+    grid_points,
+    min_size,
+    min_size_iou,
+    next_state,
+    select_candidate,
 )
 
+NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3"]
+
+SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between points of the response map
-_LOGITS: Final = (-6.0, 12.0)  # beyond these a score says no more
-_SURE: Final = 8.0  # logit from which it does not matter what the target looks like
-_UNSURE: Final = 4.0  # by how much a logit is below that where it matters wholly
-_KNOWN: Final = 6.0  # logit from which the target has come to look as it does
+_HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the same shapes
+    "nanotrack_v1": 18,
+    "nanotrack_v2": 34,
+    "nanotrack_v3": 46,
+}
+_LOGIT_RANGE: Final = (-6.0, 12.0)  # the evidence is clipped to it
+_CERTAIN_LOGIT: Final = 8.0  # logit from which the similarity to the template is not used
+_LOGIT_SPAN: Final = 4.0  # below that, over which the similarity's weight rises from 0 to 1
+_BASELINE_LOGIT: Final = 6.0  # logit above which a lower similarity becomes part of the baseline
 
 PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
     "nanotrack_v1": SearchParameters(penalty_k=0.148, window_influence=0.462, lr=0.390),
@@ -44,89 +55,178 @@ PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
     "nanotrack_v3": SearchParameters(penalty_k=0.138, window_influence=0.455, lr=0.348),
 }
 
-CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and shortfall
+CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and similarity drop
     "nanotrack_v1": Confidence((0.44, 26.0), -0.9),
     "nanotrack_v2": Confidence((0.81, 23.0), -3.5),
     "nanotrack_v3": Confidence((0.48, 31.0), -1.9),
 }
 
 
-class NanoTrack(DeepCopied):
-    """NanoTrack's loop on any frame view.
+@dataclass(frozen=True)
+class NanoTrackNetworks:
+    """The three compiled networks, which any number of trackers may share.
+
+    Threads: any number may share it.
+
+    `template` (1, 3, 127, 127) and `search` (1, 3, 255, 255) are one backbone; `head` maps the
+    features of both to scores (1, 2, n, n) and distances (1, 4, n, n).
+    """
+
+    template: Network
+    search: Network
+    head: Network
+
+    @classmethod
+    def load(cls, name: NanoTrackName, weights: Path, options: RuntimeOptions) -> NanoTrackNetworks:
+        """Load the networks from the folder that holds the two ONNX files, or from one of these.
+
+        Parameters
+        ----------
+        name : str
+        weights : Path
+        options : RuntimeOptions
+            With precision "int8" the backbone must be quantized, and the head may be.
+
+        Raises
+        ------
+        WeightsError
+            The files are missing, damaged, not quantized, or of another network.
+        """
+        backbone, head = _onnx_pair(weights)
+
+        def compiled(
+            path: Path, precision: Precision, shape: tuple[int, ...] | None = None
+        ) -> Network:
+            return load_network(
+                path,
+                shape,
+                runtime=options.runtime,
+                threads=options.threads,
+                precision=precision,
+                device=options.device,
+            )
+
+        networks = cls(
+            compiled(backbone, options.precision, (1, 3, TEMPLATE_SIDE, TEMPLATE_SIDE)),
+            compiled(backbone, options.precision, (1, 3, SEARCH_SIDE, SEARCH_SIDE)),
+            compiled(head, "f32" if options.precision == "int8" else options.precision),
+        )
+        networks._check(name, weights)
+        return networks
+
+    def _check(self, name: NanoTrackName, weights: Path) -> None:
+        features = [self.template.output_shapes, self.search.output_shapes]
+        channels, side = (96, 15) if name == "nanotrack_v3" else (48, 16)
+        expected_features = [[(1, channels, 8, 8)], [(1, channels, 16, 16)]]
+        expected_maps = [(1, 2, side, side), (1, 4, side, side)]
+        if (
+            features != expected_features
+            or self.head.input_shapes != [shapes[0] for shapes in expected_features]
+            or self.head.output_shapes != expected_maps
+            or self.head.convolution_count != _HEAD_CONVOLUTIONS[name]
+        ):
+            raise WeightsError(
+                f"{weights} holds weights of another network than {name}: "
+                f"features {features[1][0]}, maps {self.head.output_shapes}, "
+                f"{self.head.convolution_count} convolutions in the head; expected "
+                f"{expected_features[1][0]}, {expected_maps}, {_HEAD_CONVOLUTIONS[name]}"
+            )
+
+
+@dataclass
+class _Target:
+    """State of the target."""
+
+    state: TargetState
+    min_wh: tuple[float, float]
+    kernel: Tensor
+    feature: Floats  # of the template
+    fill: Floats  # color outside of the frame, BGR
+    similarity: RunningBaseline
+
+
+class NanoTrack(SiameseTracker[_Target]):
+    """NanoTrack's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
     Unlike in the authors' loop a box may be smaller than 10 pixels, if the first one was smaller
-    than 20: half of that one, but no less.
+    than 20: down to half of the first one.
 
     Parameters
     ----------
     networks : NanoTrackNetworks
     parameters : SearchParameters
     confidence : Confidence
-        Of the chosen candidate's logit, and by how much its features are less like the template's
-        than usual.
+        Its evidence is the logit of the chosen candidate, and the drop of the similarity between
+        the candidate's features and the template's below the baseline.
     """
-
-    doubt = 0.0
 
     def __init__(
         self, networks: NanoTrackNetworks, parameters: SearchParameters, confidence: Confidence
     ) -> None:
+        super().__init__()
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
         side = networks.head.output_shapes[0][-1]
         self._window = cosine_window(side)
-        offsets = (np.arange(side) - side // 2) * float(_STRIDE)
-        self._points = np.stack(np.meshgrid(offsets, offsets)).reshape(2, -1)
+        self._points = grid_points((np.arange(side) - side // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the template from `xywh`; its surroundings' mean colour fills what is outside."""
-        state, fill = TargetState.from_xywh(xywh), view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.center_xy, round(state.context_side), EXEMPLAR, fill)
-        (template,) = self._networks.template(crop_tensor(crop))
-        size = np.array(state.size_wh) * EXEMPLAR / state.context_side
-        self._first_look = look(template, _STRIDE, np.array([0, 0, *size]))
-        self._state, self._fill, self._template = state, fill, template
-        self._usual = Usual()
-        self._floor_wh = smallest_size(state.size_wh)
+        """Take the template from `xywh`; crops are padded with the frame's mean color."""
+        state = TargetState.from_xywh(xywh)
+        fill: Floats = view.raw.mean(axis=(0, 1))
+        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
+        (kernel,) = self._networks.template(crop_tensor(crop))
+        size = np.array(state.size_wh) * TEMPLATE_SIDE / state.context_side
+        feature = box_feature(kernel, _STRIDE, np.array([0, 0, *size]))
+        min_wh = min_size(state.size_wh)
+        self._start(_Target(state, min_wh, kernel, feature, fill, RunningBaseline()))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
-        zoom = EXEMPLAR / self._state.context_side
-        crop = view.crop(self._state.center_xy, round(SEARCH / zoom), SEARCH, self._fill)
+        target, last = self._target, self._target.state
+        zoom = TEMPLATE_SIDE / last.context_side
+        crop = view.crop(last.center_xy, round(SEARCH_SIDE / zoom), SEARCH_SIDE, target.fill)
         (features,) = self._networks.search(crop_tensor(crop))
-        score_maps, distances = self._networks.head(self._template, features)
-        score = foreground(score_maps)
-        boxes = self._boxes(distances)
-        size = np.array(self._state.size_wh) * zoom
-        best, penalty = choose(boxes, score, size, self._window, self._parameters)
+        score_maps, distances = self._networks.head(target.kernel, features)
+        score = foreground_probability(score_maps)
+        boxes = boxes_from_distances(distances, self._points)
+        size = np.array(last.size_wh) * zoom
+        best, penalty = select_candidate(boxes, score, size, self._window, self._parameters)
         rate = penalty * score[best] * self._parameters.lr
-        self._state = moved(self._state, boxes[:, best], zoom, rate, view, self._floor_wh)
-        background, target = score_maps[0].reshape(2, -1)[:, best]
-        likeness = float(self._first_look @ look(features, _STRIDE, boxes[:, best]))
-        logit = float(np.clip(target - background, *_LOGITS))
-        doubt = float(np.clip((_SURE - logit) / _UNSURE, 0, 1))
-        shortfall = self._usual.shortfall(likeness, sure=logit > _KNOWN)
-        evidence = logit, doubt * shortfall
+        target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
+        background, foreground = score_maps[0].reshape(2, -1)[:, best]
+        similarity = float(target.feature @ box_feature(features, _STRIDE, boxes[:, best]))
+        logit = float(np.clip(foreground - background, *_LOGIT_RANGE))
+        weight = float(np.clip((_CERTAIN_LOGIT - logit) / _LOGIT_SPAN, 0, 1))
+        drop = target.similarity.drop(similarity, confident=logit > _BASELINE_LOGIT)
+        evidence = logit, weight * drop
         probability = self._confidence.probability(evidence)
-        probability *= floor_overlap(self._state, boxes[2:, best] / zoom, self._floor_wh)
-        return Track(self._state.xywh, score=probability, evidence=evidence)
+        probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
+        return Track(target.state.xywh, score=probability, evidence=evidence)
 
-    def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The target in this view, looked for around `xywh`."""
-        self._state = state_at(xywh)
-        return self.track(view)
+    def _move_to(self, xywh: XYWH) -> None:
+        self._target.state = TargetState.from_reported_xywh(xywh)
 
-    def another(self) -> NanoTrack:
-        """A second tracker on the same networks."""
-        return NanoTrack(self._networks, self._parameters, self._confidence)
 
-    def _boxes(self, distances: Tensor) -> Floats:
-        """Candidates (4, n): cx, cy, w, h in search pixels from the search region's centre."""
-        left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
-        x, y = self._points
-        return np.stack(
-            [x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom]
+def _onnx_pair(weights: Path) -> tuple[Path, Path]:
+    """The files of backbone and head in a folder, or in the folder of one of them."""
+    folder = weights if weights.is_dir() else weights.parent
+    if not weights.exists():
+        raise WeightsError(
+            f"weights {weights} do not exist: give the folder of NanoTrack's two .onnx files"
         )
+    if weights.is_file() and weights.suffix != ".onnx":
+        raise WeightsError(f"weights {weights} are not an .onnx file: NanoTrack runs from ONNX")
+    found = []
+    for part in ("backbone", "head"):
+        files = sorted(folder.glob(f"*{part}*.onnx"))
+        if len(files) != 1:
+            raise WeightsError(
+                f"weights folder {folder} holds {len(files)} files named *{part}*.onnx, "
+                "NanoTrack needs exactly one"
+            )
+        found.append(files[0])
+    return found[0], found[1]

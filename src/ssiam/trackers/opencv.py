@@ -1,48 +1,54 @@
-"""OpenCV's own trackers: CSRT, KCF and MIL. They need no weights, and see whole pictures."""
+"""OpenCV's trackers CSRT, KCF and MIL, which need no weights and run on whole frames."""
 
 from __future__ import annotations
 
-from contextlib import suppress
+import ctypes
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from threading import Lock
 from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
 from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError, CopyError, TrackingError, one_line
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, Image
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
-from ssiam.trackers.appearance import Appearance
-from ssiam.trackers.base import pixel_box
-from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.mil import RepeatableMil
+from ssiam.trackers.confidence import AppearanceModel, Confidence
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
 
-_CREATE: dict[OpenCvName, Any] = {
-    "csrt": cv2.TrackerCSRT.create,
-    "kcf": cv2.TrackerKCF.create,
-    "mil": RepeatableMil,
-}
-_CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of likeness to the first and recent look
+_CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of similarity to first, recent appearance
     "csrt": Confidence((7.2, 3.9), -6.2),
     "kcf": Confidence((6.3, 1.4), -4.9),
     "mil": Confidence((7.2, 3.9), -6.2),
 }
-_LEARNT: Final = 0.6  # score from which a box is taken as the recent look
-_TAKEN: Final = 0.4  # score from which a place that was found is taken
-_REACH: Final = 0.7  # target sizes around the place where it is looked for
-# Longer sides of the last box, on each of its sides, that are drawn: all that they look at.
-_SEEN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
-_SEEN_MORE: Final = 40.0  # px that are drawn beyond these
+_UPDATE_ABOVE: Final = 0.6  # score above which a box becomes the recent appearance
+_RESTART_ABOVE: Final = 0.4  # score above which a tracker is restarted on a box found by `seek`
+_SEEK_REACH: Final = 0.7  # target sizes around the given box that `seek` searches
+_KCF_RESEEK: Final = 0.2  # score of KCF up to which a second search pays: it finds little itself
+# Rendered margin on each side of the last box, in longer sides of it: all that the trackers read.
+_MARGIN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
+_EXTRA_MARGIN: Final = 40.0  # px that are rendered beyond that
+
+_SEED: Final = 1  # any value will do
+_RAND_STATE: Final = 128  # bytes of glibc's generator state, its default
+# MIL's features: numbers of parts along x and y, of at least 9 px^2 together, inside of the box.
+_MIL_PARTS: Final = ((1, 2), (2, 1), (1, 4), (4, 1), (2, 2))
+_MIL_MIN_AREA: Final = 9
+_MIL_LOCK = Lock()
 
 
 class OpenCvTracker(DeepCopied):
     """One of OpenCV's trackers on the rendered view.
 
-    They tell no score, only whether they still have the target, and MIL not even that: the score
-    is that of the box's `Appearance`. When they have not, the last box is kept.
-    All repeat their results; of MIL, `RepeatableMil` says how.
+    They return no score, only whether they have found the target, and MIL not even that: the score
+    is that of an `AppearanceModel`. If the target is not found, the last box is kept.
+
+    Results are repeatable; for MIL, see `DeterministicMil`.
 
     Threads: one thread at a time for each object; MIL trackers wait for each other.
 
@@ -54,31 +60,37 @@ class OpenCvTracker(DeepCopied):
     def __init__(self, name: OpenCvName) -> None:
         self._name: OpenCvName = name
         self._tracker: Any = None
+        self._appearance: AppearanceModel | None = None
         self._xywh: XYWH = (0.0, 0.0, 0.0, 0.0)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> OpenCvTracker:
         if self._tracker is not None:
             raise CopyError(
-                f"a tracker {self._name} that has a target cannot be copied, as OpenCV cannot: "
-                "start another one where the target is"
+                f"a tracker {self._name} that has a target cannot be copied, since OpenCV's cannot "
+                "be: start a new one on the target's box"
             )
-        return self.another()
+        return self.clone()
 
     @property
-    def doubt(self) -> float | None:
-        """KCF finds little by itself; the others know better than an `Appearance`."""
-        return 0.2 if self._name == "kcf" else None
+    def can_seek(self) -> bool:
+        """Only KCF: the others find a target more reliably by themselves than `seek` does."""
+        return self._name == "kcf"
+
+    @property
+    def reseek_below(self) -> float:
+        """Score up to which a second search in the same frame is worth its cost."""
+        return _KCF_RESEEK
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Start on `xywh`, rounded to whole pixels as OpenCV wants it.
+        """Start on `xywh`, rounded to whole pixels as OpenCV requires.
 
         Raises
         ------
         ArgumentError
-            OpenCV cannot start on this box: it is too thin, too small or too large. What was
-            followed before is kept.
+            OpenCV cannot start on this box: it is too thin, too small or too large. The former
+            target is kept.
         """
-        appearance = Appearance(view, xywh)
+        appearance = AppearanceModel(view, xywh)
         self._start(view, xywh)
         self._appearance = appearance
 
@@ -88,66 +100,84 @@ class OpenCvTracker(DeepCopied):
         Raises
         ------
         TrackingError
-            OpenCV refuses this view.
+            OpenCV fails on this view.
         """
-        picture = view.render(self._surroundings)
+        appearance = self._current_appearance()
+        image = view.render(self._rendered_area)
         try:
-            found, (x, y, w, h) = self._tracker.update(picture)
+            found, (x, y, w, h) = self._tracker.update(image)
         except cv2.error as error:
             reason = getattr(error, "err", None) or one_line(error)
             raise TrackingError(f"{self._name} failed on this frame: {reason}") from error
         if not found or w <= 0 or h <= 0:
             return Track(self._xywh, score=0.0)
-        # The border is an offset of the rendered picture (eq. 9).
+        # The border is an offset of the rendered image (eq. 9).
         self._xywh = float(x - view.border), float(y - view.border), float(w), float(h)
-        track = self._judged(view, self._xywh)
-        if track.score > _LEARNT:
-            self._appearance.learn(view, self._xywh)
+        track = self._scored(appearance, view, self._xywh)
+        if track.score > _UPDATE_ABOVE:
+            appearance.update(view, self._xywh)
         return track
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The place most like the target around `xywh`; followed from there if it is it."""
-        track = self._judged(view, self._appearance.find(view, xywh, _REACH))
-        if track.score > _TAKEN and _inside(track.box, view):
+        """The box around `xywh` most similar to the target.
+
+        If its score is high enough the tracker continues from there.
+        """
+        appearance = self._current_appearance()
+        track = self._scored(appearance, view, appearance.find(view, xywh, _SEEK_REACH))
+        if track.score > _RESTART_ABOVE and _is_inside(track.box, view):
             with suppress(ArgumentError):
                 self._start(view, track.box)
         return track
 
-    def another(self) -> OpenCvTracker:
-        """A second tracker of the same kind."""
+    def clone(self) -> OpenCvTracker:
+        """A tracker of the same kind without a target."""
         return OpenCvTracker(self._name)
 
+    def _current_appearance(self) -> AppearanceModel:
+        if self._appearance is None:
+            raise ArgumentError("no target yet: call init(view, xywh) before track or seek")
+        return self._appearance
+
     @property
-    def _surroundings(self) -> XYWH:
+    def _rendered_area(self) -> XYWH:
         x, y, w, h = self._xywh
-        reach = _SEEN[self._name] * max(w, h) + _SEEN_MORE
-        return x - reach, y - reach, w + 2 * reach, h + 2 * reach
+        margin = _MARGIN[self._name] * max(w, h) + _EXTRA_MARGIN
+        return x - margin, y - margin, w + 2 * margin, h + 2 * margin
 
     def _start(self, view: FrameView, xywh: XYWH) -> None:
-        picture = view.render()
+        image = view.render()
         x, y, w, h = xywh
-        box = pixel_box(
-            (x + view.border, y + view.border, w, h), (picture.shape[1], picture.shape[0])
-        )
+        box = pixel_box((x + view.border, y + view.border, w, h), (image.shape[1], image.shape[0]))
         tracker = _CREATE[self._name]()
         try:
-            tracker.init(picture, box)
+            tracker.init(image, box)
         except cv2.error as error:
-            height, width = picture.shape[:2]
+            height, width = image.shape[:2]
             raise ArgumentError(
-                f"{self._name} cannot follow a box of {box[2]}x{box[3]} pixels in frames of "
-                f"{width}x{height}: it is too thin, too small or too large for it; draw another "
-                "box, or take another tracker"
+                f"{self._name} cannot track a box of {box[2]}x{box[3]} pixels in frames of "
+                f"{width}x{height}: it is too thin, too small or too large; draw another box, or "
+                "choose another tracker"
             ) from error
         self._tracker, self._xywh = tracker, xywh
 
-    def _judged(self, view: FrameView, xywh: XYWH) -> Track:
-        evidence = self._appearance.likeness(view, xywh)
+    def _scored(self, appearance: AppearanceModel, view: FrameView, xywh: XYWH) -> Track:
+        evidence = appearance.similarity(view, xywh)
         return Track(xywh, score=_CONFIDENCE[self._name].probability(evidence), evidence=evidence)
 
 
-def _inside(xywh: XYWH, view: FrameView) -> bool:
-    """Whether the middle of a box lies well within the rendered picture."""
+def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Box in whole pixels, clipped to an image of (width, height); at least one pixel."""
+    x, y, w, h = xywh
+    width, height = size_wh
+    left, top = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
+    right = min(max(round(x) + round(w), left + 1), width)
+    bottom = min(max(round(y) + round(h), top + 1), height)
+    return left, top, right - left, bottom - top
+
+
+def _is_inside(xywh: XYWH, view: FrameView) -> bool:
+    """Whether the central half of a box is inside of the rendered image."""
     x, y, w, h = xywh
     n, (width, height) = view.border, view.size_wh
     return (
@@ -155,3 +185,82 @@ def _inside(xywh: XYWH, view: FrameView) -> bool:
         and y + n + h / 4 >= 0
         and (x + 3 * w / 4 <= width + n and y + 3 * h / 4 <= height + n)
     )
+
+
+class DeterministicMil:
+    """`cv2.TrackerMIL` with the same random numbers in every run.
+
+    MIL draws its features from the C library's `rand`, and its samples from OpenCV's generator of
+    the thread that starts it; it seeds neither. What it learns in an update passes through arrays
+    that all MIL trackers of a process share (modules/video/src/tracking of OpenCV).
+
+    OpenCV's generator is left as it was for all other users. So is the C library's on Linux with
+    glibc and on Windows; elsewhere its sequence restarts. A call of `rand` in another thread
+    during `init` changes the result.
+
+    Threads: one thread at a time for each object; calls on several objects wait for each other.
+    """
+
+    def __init__(self) -> None:
+        self._tracker: Any = cv2.TrackerMIL.create()
+
+    def init(self, image: Image, box: tuple[int, int, int, int]) -> None:
+        """Start on a box (x, y, w, h) of whole pixels.
+
+        Raises
+        ------
+        ArgumentError
+            No feature fits into the box: OpenCV would search for one in an endless loop.
+        """
+        _, _, w, h = box
+        if not any(
+            columns * ((w - 1) // columns) * rows * ((h - 1) // rows) >= _MIL_MIN_AREA
+            for columns, rows in _MIL_PARTS
+        ):
+            raise ArgumentError(
+                f"mil cannot track a box of {w}x{h} pixels: draw it larger, or choose another "
+                "tracker"
+            )
+        # OpenCV has one generator for each thread: seeding that of a new thread affects no other.
+        with _MIL_LOCK, ThreadPoolExecutor(1) as thread:
+            thread.submit(self._start, image, box).result()
+
+    def update(self, image: Image) -> tuple[bool, tuple[int, int, int, int]]:
+        """Whether the target is found, and its box."""
+        with _MIL_LOCK:
+            found, box = self._tracker.update(image)
+        return found, box
+
+    def _start(self, image: Image, box: tuple[int, int, int, int]) -> None:
+        cv2.setRNGSeed(_SEED)
+        with _seeded_rand():
+            self._tracker.init(image, box)
+
+
+@contextmanager
+def _seeded_rand() -> Iterator[None]:
+    """Seed the C library's `rand`, and restore its state afterwards where that is possible."""
+    if sys.platform == "win32":  # each new thread starts with the same seed
+        yield
+        return
+    library = ctypes.CDLL(None)
+    if not hasattr(library, "gnu_get_libc_version"):
+        library.srand(_SEED)
+        yield
+        return
+    library.initstate.argtypes = (ctypes.c_uint, ctypes.c_void_p, ctypes.c_size_t)
+    library.initstate.restype = library.setstate.restype = ctypes.c_void_p
+    library.setstate.argtypes = (ctypes.c_void_p,)
+    state = ctypes.create_string_buffer(_RAND_STATE)
+    before = library.initstate(_SEED, state, _RAND_STATE)
+    try:
+        yield
+    finally:
+        library.setstate(before)
+
+
+_CREATE: Final[dict[OpenCvName, Any]] = {
+    "csrt": cv2.TrackerCSRT.create,
+    "kcf": cv2.TrackerKCF.create,
+    "mil": DeterministicMil,
+}

@@ -1,26 +1,30 @@
-"""What all Siamese trackers with box regression share: search regions, penalties, size update.
+"""Base class of the Siamese trackers, and the shared steps of those with box regression.
 
-The formulas are those of the reference implementation (SiamRPN's loop in pysot), with its half
-pixel of asymmetry between the box that comes in and the one that goes out.
+The formulas are those of the reference implementation (SiamRPN's loop in pysot), including its
+half pixel of asymmetry between the box that comes in and the one that is reported.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import DeepCopied
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, map_points
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
+from ssiam.track import Track
 
 CONTEXT = 0.5  # of width + height, added around the target
-EXEMPLAR = 127  # px, side of the template crop
+TEMPLATE_SIDE = 127  # px, side of the template crop
 MIN_SIDE: Final = 10.0  # px, the smallest side that the reference loops give a target
-REFERENCE_FLOOR: Final = (MIN_SIDE, MIN_SIDE)
-_FLOOR_SHARE: Final = 0.5  # of a first box's side that is smaller than twice MIN_SIDE
+REFERENCE_MIN_WH: Final = (MIN_SIDE, MIN_SIDE)
+_MIN_SIDE_SHARE: Final = 0.5  # of a first box's side that is shorter than twice MIN_SIDE
 _LEAST_SIDE: Final = 1.0  # px
 
 Floats = NDArray[np.float64]
@@ -28,16 +32,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SearchParameters:
-    """The three numbers that steer a Siamese tracker's choice.
+    """The three hyperparameters of the choice among a Siamese tracker's candidates.
 
     Parameters
     ----------
     penalty_k : float
-        How strongly a change of the target's size or shape counts against a candidate.
+        Strength of the penalty on a change of the target's size or aspect ratio.
     window_influence : float
-        Weight 0..1 of the cosine window, which prefers candidates near the last place.
+        Weight 0..1 of the cosine window, which prefers candidates near the last position.
     lr : float
-        How fast the size follows the chosen candidate, 0..1.
+        Learning rate of the size, 0..1: how fast it follows the chosen candidate.
     """
 
     penalty_k: float
@@ -47,97 +51,150 @@ class SearchParameters:
 
 @dataclass(frozen=True)
 class TargetState:
-    """Centre and size of the target in steadied pixels."""
+    """Center and size of the target, stabilized pixels."""
 
     center_xy: tuple[float, float]
     size_wh: tuple[float, float]
 
     @classmethod
     def from_xywh(cls, xywh: XYWH) -> TargetState:
-        """State of a first box: its centre is that of its pixels, (w - 1) / 2 from the left."""
+        """State of a first box: the center of its pixels, (w - 1) / 2 from the left."""
         x, y, w, h = xywh
         return cls((x + (w - 1) / 2, y + (h - 1) / 2), (w, h))
 
+    @classmethod
+    def from_reported_xywh(cls, xywh: XYWH) -> TargetState:
+        """The state whose reported box is `xywh`: its center is w / 2 from the left."""
+        x, y, w, h = xywh
+        return cls((x + w / 2, y + h / 2), (w, h))
+
     @property
     def xywh(self) -> XYWH:
-        """The box that is reported: w / 2 to the left of the centre, as the references do."""
+        """The reported box: its left edge is w / 2 from the center, as in the references."""
         (cx, cy), (w, h) = self.center_xy, self.size_wh
         return cx - w / 2, cy - h / 2, w, h
 
     @property
     def context_side(self) -> float:
-        """Side of the square that holds the target and its context (s_z), unrounded pixels."""
+        """Side of the square around the target and its context (s_z), unrounded pixels."""
         w, h = self.size_wh
         context = CONTEXT * (w + h)
         return float(np.sqrt((w + context) * (h + context)))
 
 
-def state_at(xywh: XYWH) -> TargetState:
-    """The state whose reported box is `xywh`."""
-    x, y, w, h = xywh
-    return TargetState((x + w / 2, y + h / 2), (w, h))
+TargetT = TypeVar("TargetT")
+TrackerT = TypeVar("TrackerT", bound="SiameseTracker[Any]")
 
 
-def choose(
+class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
+    """Base of the Siamese trackers.
+
+    Threads: one thread at a time for each object; several objects do not disturb each other.
+
+    A subclass stores the state of its target in one object, which `init` passes to `_start`.
+    All other attributes are set by the constructor and do not change, so that clones share them.
+    """
+
+    can_seek: Final = True
+    reseek_below: Final = 0.0
+
+    def __init__(self) -> None:
+        self._target_or_none: TargetT | None = None
+
+    @abstractmethod
+    def init(self, view: FrameView, xywh: XYWH) -> None:
+        """Take the template from `xywh`."""
+
+    @abstractmethod
+    def track(self, view: FrameView) -> Track:
+        """The target in the next view."""
+
+    @abstractmethod
+    def _move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh` from now on."""
+
+    def seek(self, view: FrameView, xywh: XYWH) -> Track:
+        """The target in this view, searched around `xywh`."""
+        self._move_to(xywh)
+        return self.track(view)
+
+    def clone(self: TrackerT) -> TrackerT:
+        """A tracker without a target, on the same networks."""
+        cloned = object.__new__(type(self))
+        cloned.__dict__.update(self.__dict__)
+        cloned._target_or_none = None
+        return cloned
+
+    def _start(self, target: TargetT) -> None:
+        self._target_or_none = target
+
+    @property
+    def _target(self) -> TargetT:
+        if self._target_or_none is None:
+            raise ArgumentError("no target yet: call init(view, xywh) before track or seek")
+        return self._target_or_none
+
+
+def select_candidate(
     boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
 ) -> tuple[int, float]:
     """Index of the best candidate, and its penalty factor 0..1.
 
-    `boxes` (4, n): cx, cy, w, h in pixels of the search region; `score` (n,) 0..1; `size_wh` (2,)
-    the last size in the same pixels; `window` (n,) cosine window.
+    Parameters
+    ----------
+    boxes : (4, n) float64
+        cx, cy, w, h in pixels of the search region.
+    score : (n,) float64
+        0..1.
+    size_wh : (2,) float64
+        The target's last size in the same pixels.
+    window : (n,) float64
+        Cosine window.
+    parameters : SearchParameters
     """
-    change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
-    shape = _ratio((size_wh[0] / size_wh[1]) / (boxes[2] / boxes[3]))
-    penalty = np.exp(-(shape * change - 1) * parameters.penalty_k)
+    scale_change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
+    aspect_change = _ratio((size_wh[0] / size_wh[1]) / (boxes[2] / boxes[3]))
+    penalty = np.exp(-(aspect_change * scale_change - 1) * parameters.penalty_k)
     influence = parameters.window_influence
     ranked = penalty * score * (1 - influence) + window * influence
     best = int(np.argmax(ranked))
     return best, float(penalty[best])
 
 
-def smallest_size(size_wh: tuple[float, float]) -> tuple[float, float]:
-    """Smallest width and height (px) that a target is given whose first box had `size_wh`.
+def min_size(size_wh: tuple[float, float]) -> tuple[float, float]:
+    """Minimum width and height (px) of a target whose first box had `size_wh`.
 
-    That of the references, but half of the first box for targets that are small themselves.
+    The minimum of the references, or half of the first box for targets that are small themselves.
     """
-    w, h = (min(MIN_SIDE, max(_FLOOR_SHARE * side, _LEAST_SIDE)) for side in size_wh)
+    w, h = (min(MIN_SIDE, max(_MIN_SIDE_SHARE * side, _LEAST_SIDE)) for side in size_wh)
     return w, h
 
 
-def moved(
+def next_state(
     state: TargetState,
     box: Floats,
     zoom: float,
     rate: float,
     view: FrameView,
-    floor_wh: tuple[float, float] = REFERENCE_FLOOR,
+    min_wh: tuple[float, float] = REFERENCE_MIN_WH,
 ) -> TargetState:
-    """State after the chosen candidate, as `followed`, kept in reach of the frame."""
-    return kept_inside(followed(state, box, zoom, rate), view, floor_wh)
+    """`updated_state`, clamped by `clamped_state`."""
+    return clamped_state(updated_state(state, box, zoom, rate), view, min_wh)
 
 
-def floor_overlap(
-    state: TargetState,
-    seen_wh: Floats,
-    floor_wh: tuple[float, float] = REFERENCE_FLOOR,
-) -> float:
-    """Overlap (IoU) that a box which may not be smaller can have with the candidate; else 1.
+def updated_state(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
+    """State after the chosen candidate: its center, and a size between the last one and its size.
 
-    `seen_wh` (2,) is the candidate's size in the state's pixels. A score times this overlap is
-    at least 0.5 only where the box can be right.
-    """
-    overlap = 1.0
-    for side, seen, floor in zip(state.size_wh, seen_wh.tolist(), floor_wh, strict=True):
-        if side <= floor:
-            overlap *= min(seen / side, 1.0)
-    return overlap
-
-
-def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
-    """State after the chosen candidate `box` (cx, cy, w, h), relative to the search centre.
-
-    `zoom` is search-region pixels per steadied pixel; `rate` 0..1 is how far the size follows.
-    The place is taken over whole.
+    Parameters
+    ----------
+    state : TargetState
+        The last state, around which the search region was cut.
+    box : (4,) float64
+        cx, cy, w, h in search-region pixels from the region's center.
+    zoom : float
+        Search-region pixels per stabilized pixel.
+    rate : float
+        Share 0..1 of the candidate's size in the new one.
     """
     cx, cy, w, h = box / zoom
     new_w = state.size_wh[0] * (1 - rate) + w * rate
@@ -147,20 +204,37 @@ def followed(state: TargetState, box: Floats, zoom: float, rate: float) -> Targe
     )
 
 
-def kept_inside(
-    state: TargetState, view: FrameView, floor_wh: tuple[float, float] = REFERENCE_FLOOR
+def clamped_state(
+    state: TargetState, view: FrameView, min_wh: tuple[float, float] = REFERENCE_MIN_WH
 ) -> TargetState:
-    """The state with its centre inside of the frame, and no smaller or larger than may be."""
-    w, h = np.clip(state.size_wh, floor_wh, view.size_wh).tolist()
-    return TargetState(_inside(view, state.center_xy), (w, h))
+    """The state with its center inside of the frame, and a size from `min_wh` to the frame's."""
+    w, h = np.clip(state.size_wh, min_wh, view.size_wh).tolist()
+    return TargetState(_inside_frame(view, state.center_xy), (w, h))
+
+
+def min_size_iou(
+    state: TargetState,
+    candidate_wh: Floats,
+    min_wh: tuple[float, float] = REFERENCE_MIN_WH,
+) -> float:
+    """IoU that a box of the minimum size can reach with the candidate; 1 for a larger box.
+
+    `candidate_wh` (2,) is the candidate's size in the state's pixels. A score multiplied by this
+    IoU is at least 0.5 only if the box can be right.
+    """
+    overlap = 1.0
+    for side, candidate, least in zip(state.size_wh, candidate_wh.tolist(), min_wh, strict=True):
+        if side <= least:
+            overlap *= min(candidate / side, 1.0)
+    return overlap
 
 
 def crop_tensor(crop: Image) -> Tensor:
-    """A crop (side, side, 3) uint8 as networks take it: (1, 3, side, side) float32 in 0..255."""
+    """A crop (side, side, 3) uint8 as a network input: (1, 3, side, side) float32 in 0..255."""
     return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)
 
 
-def foreground(score_maps: Tensor) -> Floats:
+def foreground_probability(score_maps: Tensor) -> Floats:
     """Softmax of score maps (1, 2 * a, n, n), background first -> foreground (a * n * n,)."""
     background, target = score_maps[0].reshape(2, -1).astype(np.float64)
     return np.asarray(1 / (1 + np.exp(background - target)))
@@ -177,8 +251,28 @@ def cosine_window(side: int) -> Floats:
     return np.outer(hanning, hanning).ravel()
 
 
-def _inside(view: FrameView, center_xy: tuple[float, float]) -> tuple[float, float]:
-    """The point of the raw frame nearest to a steadied point, in steadied coordinates."""
+def grid_points(offsets: NDArray[np.floating[Any]]) -> Floats:
+    """All points (2, n * n) of a square grid, row by row, from their offsets (n,) on one axis."""
+    return np.asarray(np.meshgrid(offsets, offsets), dtype=np.float64).reshape(2, -1)
+
+
+def boxes_from_distances(distances: Tensor, points_xy: Floats) -> Floats:
+    """Boxes (4, n * n), cx, cy, w, h, of an anchor-free head.
+
+    Parameters
+    ----------
+    distances : (1, 4, n, n) float32
+        From each cell's point to the left, top, right and bottom edge, pixels.
+    points_xy : (2, n * n) float64
+        The cells' points, in the same pixels as the result.
+    """
+    left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
+    x, y = points_xy
+    return np.stack([x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom])
+
+
+def _inside_frame(view: FrameView, center_xy: tuple[float, float]) -> tuple[float, float]:
+    """The point of the raw frame nearest to a stabilized point, in stabilized pixels."""
     limits = view.size_wh
     if view.is_raw:
         cx, cy = np.clip(center_xy, 0, limits)

@@ -1,30 +1,32 @@
 """SiamMask and SiamMask_E: SiamRPN's loop, with a mask and a rotated box in every frame.
 
 Wang et al., SiamMask, CVPR 2019; the loop is that of STVIR/pysot, or with ``variant="siammask"``
-its authors' own (foolwood/SiamMask). The mask is only an output: the next search goes by the
-upright box.
+the authors' own (foolwood/SiamMask). The mask is only an output: the next search region is placed
+by the upright box.
+
+A mask takes three steps: `refinement_windows` cuts the refinement network's inputs out of the
+features around the chosen cell, `mask_probability` turns its logits into probabilities, and
+`paste_mask` resamples these at their position in the frame.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from ssiam.copying import DeepCopied
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from ssiam.geometry import XYWH, Points, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
-from ssiam.trackers.mask_boxes import Mask, ellipse_box, rectangle_box
-from ssiam.trackers.mask_paste import mask_square, paste, probabilities
-from ssiam.trackers.mask_windows import refinement_windows
-from ssiam.trackers.siamese import TargetState, floor_overlap, kept_inside, state_at
-from ssiam.trackers.siamrpn import (
-    AnchorSearch,
-    Found,
-    SiamRpnNetworks,
-    SiamRpnParameters,
-)
+from ssiam.trackers.anchors import STRIDE
+from ssiam.trackers.rotated_boxes import Mask, ellipse_box, rectangle_box
+from ssiam.trackers.siamese import TEMPLATE_SIDE, TargetState, clamped_state, min_size_iou
+from ssiam.trackers.siamrpn import Candidate, SiamRpn, SiamRpnNetworks, SiamRpnParameters
 
 SiamMaskName: TypeAlias = Literal[
     "siammask_r50_l3",
@@ -35,22 +37,26 @@ SiamMaskName: TypeAlias = Literal[
     "siammask_davis",
 ]
 
+MASK_SIDE: Final = 127  # px of the network's mask
+# Of x0, p1 and p2: zeros added on each side, features between cells, side of the window.
+_WINDOWS: Final = ((16, 4, 61), (8, 2, 31), (4, 1, 15))
+
 
 @dataclass(frozen=True)
 class SiamMaskParameters(SiamRpnParameters):
-    """What steers SiamMask.
+    """Hyperparameters of SiamMask.
 
     Parameters
     ----------
     penalty_k, window_influence, lr, instance, base, variant
-        As `SiamRpnParameters`. Where the mask is empty, the corners are those of the upright
-        box, which in the "siammask" variant is not yet kept inside of the frame.
+        As in `SiamRpnParameters`. Where the mask is empty, the corners are those of the upright
+        box, which in the "siammask" variant is not yet clamped to the frame.
     mask_threshold : float
         Probability above which a pixel belongs to the target.
     fit : {"rectangle", "ellipse"}
-        The rotated box: the smallest one around the mask, or SiamMask_E's.
+        The rotated box: the minimum-area rectangle around the mask, or SiamMask_E's box.
     factor : float, optional
-        SiamMask_E's alpha, with which its box is refined; None leaves the refinement out.
+        SiamMask_E's alpha for the refinement of its box; None for no refinement.
     """
 
     mask_threshold: float = 0.3
@@ -78,16 +84,16 @@ class SiamMaskNetworks(SiamRpnNetworks):
 
     Threads: any number may share it.
 
-    `template` and `search` as `SiamRpnNetworks`; after the two maps `search` also gives the
+    `template` and `search` as in `SiamRpnNetworks`; after its two maps `search` also returns the
     correlation (1, 256, 25, 25) and the backbone's x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and
-    p2 (1, 512, 31, 31). `refine` takes windows of x0, p1 and p2 and the correlation of one cell,
-    as `refinement_windows` cuts them, and gives logits (1, 127 * 127).
+    p2 (1, 512, 31, 31). `refine` maps the windows of one cell, as `refinement_windows` cuts them,
+    to logits (1, 127 * 127).
     """
 
     refine: Network
 
 
-class SiamMask(DeepCopied):
+class SiamMask(SiamRpn):
     """SiamMask's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -98,61 +104,150 @@ class SiamMask(DeepCopied):
     parameters : SiamMaskParameters
     """
 
-    doubt = 0.0
+    _networks: SiamMaskNetworks
+    _parameters: SiamMaskParameters
 
     def __init__(self, networks: SiamMaskNetworks, parameters: SiamMaskParameters) -> None:
-        self._networks = networks
-        self._parameters = parameters
-        self._search = AnchorSearch(networks, parameters)
-
-    def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the target in `xywh` as the one to follow."""
-        self._state = self._search.start(view, xywh)
+        super().__init__(networks, parameters)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""
-        last = self._state
-        found = self._search.find(view, last)
-        self._state = kept_inside(found.state, view)
-        # A steadied view shows parts of the raw frame beyond its own edges.
+        last = self._target.state
+        found = self._best_candidate(view)
+        state = self._target.state = clamped_state(found.state, view)
+        # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        pasted = self._pasted(found, last, view.size_wh, margin)
+        pasted = self._pasted_mask(found, last, view.size_wh, margin)
         mask = pasted > self._parameters.mask_threshold
         width, height = view.size_wh
+        upright = found.state if self._parameters.variant == "siammask" else state
         return Track(
-            self._state.xywh,
-            score=found.score * floor_overlap(self._state, found.size_wh),
-            corners=self._corners(mask, margin, found.state),
+            state.xywh,
+            score=found.score * min_size_iou(state, found.size_wh),
+            corners=self._mask_corners(mask, margin, upright),
             mask=mask[margin : margin + height, margin : margin + width],
         )
 
-    def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The target in this view, looked for around `xywh`."""
-        self._state = state_at(xywh)
-        return self.track(view)
-
-    def another(self) -> SiamMask:
-        """A second tracker on the same networks."""
-        return SiamMask(self._networks, self._parameters)
-
-    def _pasted(
-        self, found: Found, last: TargetState, size_wh: tuple[int, int], margin: int
+    def _pasted_mask(
+        self, found: Candidate, last: TargetState, size_wh: tuple[int, int], margin: int
     ) -> Tensor:
         """Probability of the target for every pixel of the view and its margin."""
-        corr, *features = found.more
+        corr, *features = found.features
         windows = refinement_windows(corr, features, found.cell)
         (logits,) = self._networks.refine(*windows)
         instance, base = self._parameters.instance, self._parameters.base
         square = mask_square(last.center_xy, found.crop_side, found.cell, instance, base)
-        return paste(probabilities(logits), square, size_wh, margin)
+        return paste_mask(mask_probability(logits), square, size_wh, margin)
 
-    def _corners(self, mask: Mask, margin: int, unkept: TargetState) -> Points:
+    def _mask_corners(self, mask: Mask, margin: int, upright: TargetState) -> Points:
         """Rotated box of the mask in the view's pixels, or the upright box if there is none."""
         if self._parameters.fit == "ellipse":
             box = ellipse_box(mask, self._parameters.factor)
         else:
             box = rectangle_box(mask)
-        if box is not None:
-            return box - margin
-        state = unkept if self._parameters.variant == "siammask" else self._state
-        return corners_from_xywh(state.xywh)
+        return corners_from_xywh(upright.xywh) if box is None else box - margin
+
+
+def refinement_windows(
+    corr: Tensor, features: Sequence[Tensor], cell: tuple[int, int]
+) -> list[Tensor]:
+    """Inputs of the refinement network for one cell (row, column) of the response map.
+
+    Parameters
+    ----------
+    corr : (1, 256, 25, 25) float32
+        Correlation of template and search region.
+    features : (1, 64, 125, 125), (1, 256, 63, 63) and (1, 512, 31, 31) float32
+        The backbone's x0, p1 and p2 of the search region.
+    cell : (int, int)
+
+    Returns
+    -------
+    (1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15) and (1, 256, 1, 1) float32
+        Windows of x0, p1 and p2, zero outside of the region, and the cell's correlation.
+    """
+    row, column = cell
+    windows = [
+        _window(each, row * step - pad, column * step - pad, side)
+        for each, (pad, step, side) in zip(features, _WINDOWS, strict=True)
+    ]
+    return [*windows, np.ascontiguousarray(corr[:, :, row : row + 1, column : column + 1])]
+
+
+def _window(features: Tensor, top: int, left: int, side: int) -> Tensor:
+    """Square of `side` from (top, left), padded with zeros outside of the features."""
+    height, width = features.shape[2:]
+    window = np.zeros((*features.shape[:2], side, side), np.float32)
+    upper, lower = max(top, 0), min(top + side, height)
+    near, far = max(left, 0), min(left + side, width)
+    inside = features[:, :, upper:lower, near:far]
+    window[:, :, upper - top : lower - top, near - left : far - left] = inside
+    return window
+
+
+def mask_probability(logits: Tensor) -> Tensor:
+    """Sigmoid of logits (1, 127 * 127), row by row -> (127, 127) float32."""
+    half = logits.reshape(MASK_SIDE, MASK_SIDE).astype(np.float64) / 2
+    return np.asarray((1 + np.tanh(half)) / 2, dtype=np.float32)
+
+
+def mask_square(
+    center_xy: tuple[float, float], crop_side: int, cell: tuple[int, int], instance: int, base: int
+) -> XYWH:
+    """The square of the frame that the mask of one cell (row, column) covers.
+
+    Parameters
+    ----------
+    center_xy : (x, y)
+        Center of the search region.
+    crop_side : int
+        Its side, in the same pixels as the result.
+    cell : (int, int)
+    instance : int
+        Its side in the crop's pixels.
+    base : int
+        BASE_SIZE of pysot, `SiamRpnParameters.base`.
+    """
+    scale = crop_side / instance
+    row, column = ((index - base // 2) * STRIDE * scale for index in cell)
+    left, top = (c - crop_side / 2 for c in center_xy)
+    return left + column, top + row, TEMPLATE_SIDE * scale, TEMPLATE_SIDE * scale
+
+
+def paste_mask(
+    mask: Tensor, square_xywh: XYWH, size_wh: tuple[int, int], margin: int = 0
+) -> Tensor:
+    """A mask's values at its position in the frame, zero around it.
+
+    The reference (`crop_back` of pysot) shrinks everything by (size - 1) / size about the
+    square's corner; that is kept.
+
+    Parameters
+    ----------
+    mask : (127, 127) float32
+    square_xywh : (x, y, w, h)
+        The square that the mask covers, pixels of the frame.
+    size_wh : (int, int)
+        The frame's width and height.
+    margin : int
+        Pixels added on each side, in which the mask is kept as well.
+
+    Returns
+    -------
+    (H + 2 * margin, W + 2 * margin) float32
+    """
+    width, height = size_wh
+    whole = (width + 2 * margin, height + 2 * margin)
+    shifted = _frame_from_mask(square_xywh, size_wh) + np.array([0.0, 0.0, margin])
+    return np.asarray(
+        cv2.warpAffine(mask, shifted, whole, flags=cv2.INTER_LINEAR), dtype=np.float32
+    )
+
+
+def _frame_from_mask(square_xywh: XYWH, size_wh: tuple[int, int]) -> NDArray[np.float64]:
+    """(2, 3), in the reference's order of operations."""
+    x, y, w, _ = square_xywh
+    zoom = MASK_SIDE / w
+    scales = [(length - 1) / (length * zoom) for length in size_wh]
+    shifts = [scale * (start * zoom) for scale, start in zip(scales, (x, y), strict=True)]
+    return np.array([[scales[0], 0.0, shifts[0]], [0.0, scales[1], shifts[1]]])

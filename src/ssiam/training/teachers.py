@@ -19,7 +19,7 @@ from ssiam.geometry import Image
 from ssiam.networks.lite2 import CELLS, STRIDE
 from ssiam.runtime import RuntimeOptions, load_network
 from ssiam.runtime.openvino import supports_bf16
-from ssiam.trackers.nanotrack_networks import NanoTrackNetworks
+from ssiam.trackers.nanotrack import NanoTrackNetworks
 from ssiam.training.data.batches import Batch, TeacherResponses
 from ssiam.training.data.pairs import PairSampler
 from ssiam.training.settings import TeacherSettings

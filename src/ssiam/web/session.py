@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 from ssiam.copying import NotCopyable
 from ssiam.errors import SsiamError, one_line
 from ssiam.geometry import Image
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.web.engine import Engine
 from ssiam.web.events import Listeners
 from ssiam.web.feeds.base import Feed
@@ -53,7 +53,7 @@ class Session(NotCopyable):
     ----------
     feed : Feed
         Source of the frames; closed with the session.
-    tracker : SteadiedTracker
+    tracker : StabilizedTracker
         Prototype of the targets' trackers.
     name : str
         Name of the tracker.
@@ -69,7 +69,7 @@ class Session(NotCopyable):
     def __init__(
         self,
         feed: Feed,
-        tracker: SteadiedTracker,
+        tracker: StabilizedTracker,
         name: str,
         recordings: Recordings,
         notes: Listeners[Note] | None = None,
@@ -96,7 +96,7 @@ class Session(NotCopyable):
     def open(
         cls,
         source: str,
-        tracker: SteadiedTracker,
+        tracker: StabilizedTracker,
         *,
         name: str = "tracker",
         pace: Literal["clock", "fast"] = "clock",
@@ -110,7 +110,7 @@ class Session(NotCopyable):
         ----------
         source : str
             See `open_feed`, which also lists the errors.
-        tracker : SteadiedTracker
+        tracker : StabilizedTracker
         name : str
             Name of the tracker, for people.
         pace : {"clock", "fast"}

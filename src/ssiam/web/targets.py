@@ -12,7 +12,7 @@ from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker, TrackerGroup
+from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
 from ssiam.web.types import CommandError, Target
 
@@ -28,7 +28,7 @@ class _TargetState:
     color: str
     first_index: int  # of the frame in which the box was drawn
     first_xywh: XYWH
-    tracker: SteadiedTracker | None = None
+    tracker: StabilizedTracker | None = None
     track: Track | None = None
     redetected: bool = False
     error: str = ""
@@ -43,7 +43,7 @@ class Targets:
 
     Parameters
     ----------
-    tracker : SteadiedTracker
+    tracker : StabilizedTracker
         Prototype of the targets' trackers.
     max_targets : int
         Maximum number of targets.
@@ -53,7 +53,7 @@ class Targets:
 
     def __init__(
         self,
-        tracker: SteadiedTracker,
+        tracker: StabilizedTracker,
         max_targets: int,
         report_error: Callable[[str, Exception], str],
     ) -> None:
@@ -126,7 +126,7 @@ class Targets:
             text = f"{self._max_targets} targets are tracked already: remove one first"
             raise CommandError("too-many-targets", text)
         name = _checked_name(name or f"target {self._last_id + 1}")
-        tracker = self._group.another()
+        tracker = self._group.new_tracker()
         try:
             tracker.init(frames[0].image, xywh)
         except ArgumentError as error:
@@ -180,7 +180,7 @@ class Targets:
         for state in list(self._states):
             if state.tracker is not None or frame.index < state.first_index:
                 continue
-            tracker = self._group.another()
+            tracker = self._group.new_tracker()
             try:
                 tracker.init(frame.image, state.first_xywh)
             except Exception as error:

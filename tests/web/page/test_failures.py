@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from helpers.browsing import PHONE, served_session
-from helpers.failing_trackers import Hang, every_tenth, leave, troubled_tracker
+from helpers.failing_trackers import Hang, every_tenth, failing_tracker, leave
 from helpers.live_server import SIZE, EndlessFeed
 from ssiam.web import Add, Remove
 from ssiam.web.recording import Recordings
@@ -16,7 +16,7 @@ DESK = {"width": 1280, "height": 800}
 
 
 def failing_session(trouble, recordings=None, **options):
-    tracker = troubled_tracker(trouble)
+    tracker = failing_tracker(trouble)
     return Session(EndlessFeed(SIZE), tracker, "kcf", recordings or Recordings(), **options)
 
 

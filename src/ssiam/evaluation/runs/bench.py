@@ -31,7 +31,7 @@ from ssiam.evaluation.runs.result_files import (
 )
 from ssiam.evaluation.runs.shaken_results import shaken_folder, write_shake
 from ssiam.geometry import iou
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 _log = logging.getLogger(__name__)
 
@@ -250,5 +250,5 @@ def _dataset(path: Path, kind: str) -> Dataset:
 
 
 @lru_cache(maxsize=_CACHED_TRACKERS)
-def _tracker(entry: Entry, threads: int) -> SteadiedTracker:
+def _tracker(entry: Entry, threads: int) -> StabilizedTracker:
     return entry.load(threads)

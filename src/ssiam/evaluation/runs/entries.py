@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ssiam.errors import check_choice
 from ssiam.stabilize import Method, StabilizerConfig
-from ssiam.trackers import TRACKERS, SteadiedTracker, TrackerName, load_tracker
+from ssiam.trackers import TRACKERS, StabilizedTracker, TrackerName, load_tracker
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Entry:
         changed = [f"{name}={value}" for name, value in self.config.changed_options().items()]
         return "-".join([self.tracker, self.config.stabilize, *changed])
 
-    def load(self, threads: int) -> SteadiedTracker:
+    def load(self, threads: int) -> StabilizedTracker:
         """Load the tracker, without a target."""
         return load_tracker(
             self.tracker, weights=self.weights, stabilize=self.config, threads=threads

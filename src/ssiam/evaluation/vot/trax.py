@@ -24,7 +24,7 @@ from ssiam.datasets.images import image_levels, read_image
 from ssiam.errors import ArgumentError, MissingExtraError, StreamError, one_line
 from ssiam.geometry import XYWH, area_preserving_xywh, corners_from_xywh
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 from ssiam.video.levels import Levels
 
 _STDOUT, _STDERR = 1, 2
@@ -38,7 +38,7 @@ def check_trax() -> None:
         raise MissingExtraError("a TraX server needs vot-trax: pip install 'ssiam[vot]'")
 
 
-def serve(tracker: SteadiedTracker) -> None:
+def serve(tracker: StabilizedTracker) -> None:
     """Serve a TraX client on standard input and output until it quits.
 
     Call it inside `reserve_stdout`. The client may start the tracker any number of times, on

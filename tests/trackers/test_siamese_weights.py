@@ -1,4 +1,4 @@
-"""The paper's trackers by name, from the files that users have."""
+"""The paper's trackers, loaded from checkpoints and exported files."""
 
 import shutil
 
@@ -31,7 +31,7 @@ def cache(shared_cache, tmp_path, monkeypatch):
     return tmp_path / "cache" / "ssiam"
 
 
-def followed(tracker, count=3):
+def tracked(tracker, count=3):
     frames, box = golden_video("A", count)
     tracker.init(frames[0], box)
     return [tracker.update(frame) for frame in frames[1:]]
@@ -42,37 +42,37 @@ def test_every_tracker_has_a_publication():
 
 
 @pytest.mark.parametrize("golden", [ALEX, "siamfc", *([MASK, R50] if SLOW else [])])
-def test_the_runtimes_track_alike(golden):
+def test_the_runtimes_agree(golden):
     pytest.importorskip("onnxruntime")
     name, weights = NETWORKS[golden][1], checkpoint(golden)
     boxes = {}
     for runtime in ("torch", "onnxruntime", "openvino"):
         tracker = ssiam.load_tracker(name, weights=weights, stabilize="off", runtime=runtime)
-        boxes[runtime] = np.array([track.box for track in followed(tracker)])
+        boxes[runtime] = np.array([track.box for track in tracked(tracker)])
     for runtime in ("onnxruntime", "openvino"):
         np.testing.assert_allclose(boxes[runtime], boxes["torch"], atol=0.01)
 
 
-def test_resnet_from_one_of_its_exported_files():
+def test_resnet_is_loaded_from_one_of_its_exported_files():
     tracker = ssiam.load_tracker(R50, weights=exported(R50) / "search.onnx", stabilize="paper")
-    (track,) = followed(tracker, 2)
+    (track,) = tracked(tracker, 2)
     assert np.isfinite(track.box).all()
 
 
-def test_all_masks_take_one_network(monkeypatch):
+def test_all_siammask_trackers_share_one_network(monkeypatch):
     loaded = pieces.load_pieces(exported(MASK), MASK, RuntimeOptions())
     monkeypatch.setattr(pieces, "load_pieces", lambda *arguments: loaded)
     for name in (each for each in MODEL_ZOO if each.startswith("siammask")):
         tracker = ssiam.load_tracker(name, weights=exported(MASK), stabilize="off")
-        (track,) = followed(tracker, 2)
+        (track,) = tracked(tracker, 2)
         assert track.mask.shape == (240, 320)
         assert track.corners.shape == (4, 2)
 
 
-def test_a_checkpoint_is_exported_once_and_torch_not_needed_again(cache, tmp_path, monkeypatch):
+def test_a_checkpoint_is_exported_once(cache, tmp_path, monkeypatch):
     weights = tmp_path / "model.pth"
     shutil.copyfile(checkpoint(ALEX), weights)
-    first = followed(ssiam.load_tracker(ALEX, weights=weights, stabilize="off"))
+    first = tracked(ssiam.load_tracker(ALEX, weights=weights, stabilize="off"))
     (folder,) = (cache / "networks").iterdir()
     assert {path.name for path in folder.iterdir()} == {
         "template.onnx",
@@ -80,15 +80,15 @@ def test_a_checkpoint_is_exported_once_and_torch_not_needed_again(cache, tmp_pat
         "network.json",
     }
     monkeypatch.setattr("ssiam.runtime.export.export_network", None)
-    again = followed(ssiam.load_tracker(ALEX, weights=weights, stabilize="off"))
+    again = tracked(ssiam.load_tracker(ALEX, weights=weights, stabilize="off"))
     assert [track.box for track in first] == [track.box for track in again]
 
 
-def test_a_cache_that_cannot_be_written_stops_nothing(cache, caplog):
+def test_a_cache_that_cannot_be_written_is_not_fatal(cache, caplog):
     cache.parent.write_text("in the way")
     tracker = ssiam.load_tracker(ALEX, weights=checkpoint(ALEX), stabilize="off")
     assert "not cached" in caplog.text
-    assert len(followed(tracker)) == 2
+    assert len(tracked(tracker)) == 2
 
 
 @pytest.mark.parametrize("runtime", ["torch", "openvino"])
@@ -141,7 +141,7 @@ def test_an_onnx_file_without_a_record(tmp_path):
         ssiam.load_tracker(ALEX, weights=tmp_path / "search.onnx")
 
 
-def test_without_weights_it_is_said_where_they_are():
+def test_the_message_without_weights_names_their_source():
     with pytest.raises(ssiam.WeightsError, match=r"SiamMask_DAVIS.pth at http://www.robots.ox"):
         ssiam.load_tracker("siammask_davis")
 
@@ -150,7 +150,7 @@ def test_imported_weights_are_found(cache):
     assert cli.main(["weights", "import", str(checkpoint(ALEX))]) == 0
     for runtime in ("openvino", "torch"):
         tracker = ssiam.load_tracker(ALEX, runtime=runtime, stabilize="off")
-        assert len(followed(tracker, 2)) == 1
+        assert len(tracked(tracker, 2)) == 1
 
 
 def test_trackers_of_one_kind_share_the_networks(monkeypatch):

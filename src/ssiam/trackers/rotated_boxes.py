@@ -1,4 +1,4 @@
-"""Rotated boxes of masks: SiamMask's smallest rectangle, and SiamMask_E's box by an ellipse.
+"""Rotated boxes of masks: SiamMask's minimum-area rectangle, and SiamMask_E's ellipse fit.
 
 SiamMask_E is Chen and Tsotsos, "Fast Visual Object Tracking using Ellipse Fitting for Rotated
 Bounding Boxes" (arXiv 1907.03892); the steps below are those of its Fig. 3, in its authors' order.
@@ -18,67 +18,67 @@ Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Sides = tuple[float, float, float, float]  # left, top, right, bottom
 
-SMALLEST_AREA: Final = 100.0  # px^2; a contour with less is noise
-_STEP: Final = 0.02  # of the box's width or height, by which a side moves inwards
+MIN_AREA: Final = 100.0  # px^2; smaller contours are ignored, as in the references
+_STEP: Final = 0.02  # share of the box's width or height by which a side moves inwards
 
 
-def rectangle_box(mask: Mask, smallest_area: float = SMALLEST_AREA) -> Points | None:
-    """Smallest rotated rectangle around the mask's largest piece.
+def rectangle_box(mask: Mask, min_area: float = MIN_AREA) -> Points | None:
+    """Minimum-area rectangle around the mask's largest connected component.
 
     Parameters
     ----------
     mask : (H, W) bool
-    smallest_area : float
-        Pixels that a piece has to cover more than; the references' 100 unless given.
+    min_area : float
+        Area that the component has to exceed, px^2.
 
     Returns
     -------
     (4, 2) float64 or None
-        Corners in the mask's pixels; None if no piece covers more than that.
+        Corners in the mask's pixels; None if no component is large enough.
     """
-    contour = _largest_contour(mask, smallest_area)
+    contour = _largest_contour(mask, min_area)
     return None if contour is None else _rectangle(contour)
 
 
 def ellipse_box(mask: Mask, factor: float | None = None) -> Points | None:
-    """SiamMask_E's rotated box: the ellipse gives its angle, ellipse and contour its sides.
+    """SiamMask_E's rotated box: its angle is the fitted ellipse's, its sides fit both.
 
     Parameters
     ----------
     mask : (H, W) bool
     factor : float, optional
-        The refinement's alpha: sides move inwards until this share of their line lies on the
-        mask; None leaves the refinement out.
+        Alpha of the refinement: sides move inwards until this share of their length is on the
+        mask. None for no refinement.
 
     Returns
     -------
     (4, 2) float64 or None
-        Corners in the mask's pixels; None if no piece covers more than 100 pixels. Where the
-        ellipse is degenerate, the corners of `rectangle_box`.
+        Corners in the mask's pixels; None if no component is larger than 100 px^2. If the ellipse
+        is degenerate, the corners of `rectangle_box`.
     """
     contour = _largest_contour(mask)
     if contour is None:
         return None
-    centre, axes, angle = cv2.fitEllipse(contour)
-    if not np.isfinite([*centre, *axes, angle]).all():
+    center, axes, angle = cv2.fitEllipse(contour)
+    if not np.isfinite([*center, *axes, angle]).all():
         return _rectangle(contour)
-    level_from_mask = cv2.getRotationMatrix2D(centre, angle, 1)
-    ellipse = _turned(level_from_mask, cv2.boxPoints((centre, axes, angle)))
-    sides = _sides(ellipse, _turned(level_from_mask, contour[:, 0]), mask.shape)
+    level_from_mask = cv2.getRotationMatrix2D(center, angle, 1)
+    ellipse = _mapped(level_from_mask, cv2.boxPoints((center, axes, angle)))
+    sides = _sides(ellipse, _mapped(level_from_mask, contour[:, 0]), mask.shape)
     if factor is not None:
         sides = _refined(_level_mask(mask, level_from_mask), sides, factor)
     left, top, right, bottom = sides
     if right <= left or bottom <= top:
         return _rectangle(contour)
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-    return _turned(cv2.invertAffineTransform(level_from_mask), corners)
+    return _mapped(cv2.invertAffineTransform(level_from_mask), corners)
 
 
-def _largest_contour(mask: Mask, smallest_area: float = SMALLEST_AREA) -> NDArray[np.int32] | None:
-    """Outline (n, 1, 2) of the largest piece, None if it is too small."""
+def _largest_contour(mask: Mask, min_area: float = MIN_AREA) -> NDArray[np.int32] | None:
+    """Outline (n, 1, 2) of the largest component; None if it is too small."""
     contours = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
     areas = [cv2.contourArea(contour) for contour in contours]
-    if not areas or max(areas) <= smallest_area:
+    if not areas or max(areas) <= min_area:
         return None
     return np.asarray(contours[int(np.argmax(areas))], dtype=np.int32)
 
@@ -87,14 +87,14 @@ def _rectangle(contour: NDArray[np.int32]) -> Points:
     return np.asarray(cv2.boxPoints(cv2.minAreaRect(contour)), dtype=np.float64)
 
 
-def _turned(to_from_from: NDArray[np.generic], points: NDArray[np.generic]) -> Points:
-    """Points (n, 2) through a (2, 3) transform, float64."""
+def _mapped(to_from_from: NDArray[np.generic], points: NDArray[np.generic]) -> Points:
+    """Points (n, 2) mapped by a (2, 3) transform, float64."""
     matrix = np.asarray(to_from_from, dtype=np.float64)
     return np.asarray(points.astype(np.float64) @ matrix[:, :2].T + matrix[:, 2])
 
 
 def _sides(ellipse: Points, contour: Points, shape: tuple[int, ...]) -> Sides:
-    """The box that the level ellipse's box and the part of the contour in it share."""
+    """Intersection of the leveled ellipse's box and the bounds of the contour inside of it."""
     low, high = ellipse.min(axis=0), ellipse.max(axis=0)
     whole = contour.astype(np.int32)
     x, y, w, h = cv2.boundingRect(whole[((whole >= low) & (whole <= high)).all(axis=1)])
@@ -108,14 +108,14 @@ def _sides(ellipse: Points, contour: Points, shape: tuple[int, ...]) -> Sides:
 
 
 def _level_mask(mask: Mask, level_from_mask: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """The mask (H, W) turned until the ellipse is upright; 0 or 1."""
+    """The mask (H, W) rotated so that the ellipse is upright; 0 or 1."""
     size_wh = mask.shape[1], mask.shape[0]
-    turned = cv2.warpAffine(mask.astype(np.uint8), np.asarray(level_from_mask), size_wh)
-    return np.asarray(turned, dtype=np.uint8)
+    leveled = cv2.warpAffine(mask.astype(np.uint8), np.asarray(level_from_mask), size_wh)
+    return np.asarray(leveled, dtype=np.uint8)
 
 
 def _refined(level: NDArray[np.uint8], sides: Sides, factor: float) -> Sides:
-    """Sides moved inwards, left and right first, to lines of which `factor` lies on the mask."""
+    """Sides moved inwards, left and right first, until `factor` of each is on the mask."""
     left, top, right, bottom = sides
     columns = level[int(top) : int(bottom)].sum(axis=0)
     left, right = _tightened(columns, left, right, (bottom - top) * factor)
@@ -125,18 +125,18 @@ def _refined(level: NDArray[np.uint8], sides: Sides, factor: float) -> Sides:
 
 
 def _tightened(
-    filled: NDArray[np.generic], low: float, high: float, wanted: float
+    filled: NDArray[np.generic], low: float, high: float, min_filled: float
 ) -> tuple[float, float]:
-    """Both ends moved towards each other until the mask fills `wanted` pixels of their line.
+    """Both ends moved towards each other until their lines have `min_filled` pixels on the mask.
 
-    `filled` (n,): the mask's pixels in each line. The low end moves first.
+    `filled` (n,) is the number of mask pixels in each line. The low end moves first.
     """
-    while filled[int(low)] < wanted:
+    while filled[int(low)] < min_filled:
         nearer = low + (high - low) * _STEP
         if nearer >= len(filled) - 1 or high - low < 1:
             break
         low = nearer
-    while filled[int(high)] < wanted:
+    while filled[int(high)] < min_filled:
         nearer = high - (high - low) * _STEP
         if nearer <= 0 or high - low < 1:
             break

@@ -1,9 +1,11 @@
+"""Loading trackers by name, and the messages about names and weights that are refused."""
+
 import pytest
 
 import ssiam
 
 
-def test_default_tracker_needs_nothing():
+def test_the_default_tracker_needs_no_arguments():
     assert ssiam.load_tracker().config == ssiam.StabilizerConfig("predict")
 
 
@@ -17,7 +19,7 @@ def test_default_tracker_needs_nothing():
         pytest.param({"threads": 0}, "threads is 0", id="threads"),
     ],
 )
-def test_bad_names_are_listed(arguments, complaint):
+def test_unknown_names_are_refused(arguments, complaint):
     with pytest.raises(ValueError, match=complaint):
         ssiam.load_tracker(**arguments)
 
@@ -78,7 +80,7 @@ def test_truncated_weights(shared, tmp_path):
         ssiam.load_tracker("nanotrack_v3", weights=tmp_path)
 
 
-def test_pth_weights_say_what_to_give(shared):
+def test_pth_files_of_nanotrack_are_refused(shared):
     with pytest.raises(ssiam.WeightsError, match=r"nanotrackv3.pth are not an .onnx file"):
         ssiam.load_tracker(
             "nanotrack_v3", weights=shared("data/weights/nanotrackv3/nanotrackv3.pth")
@@ -86,7 +88,7 @@ def test_pth_weights_say_what_to_give(shared):
 
 
 @pytest.mark.parametrize("version", ["v1", "v2", "v3"])
-def test_nanotrack_follows_and_repeats(shared, version):
+def test_nanotrack_tracks_and_repeats(shared, version):
     import cv2
     import numpy as np
 
@@ -96,7 +98,7 @@ def test_nanotrack_follows_and_repeats(shared, version):
     weights = shared(f"data/weights/nanotrack{version}")
     runs = []
     first = ssiam.load_tracker(f"nanotrack_{version}", weights=weights, stabilize="off")
-    for tracker in (first, first.another()):
+    for tracker in (first, first.clone()):
         tracker.init(frames[0], truth[0])
         runs.append([tracker.update(frame).box for frame in frames[1:]])
     assert runs[0] == runs[1]
@@ -111,7 +113,7 @@ def test_nanotrack_follows_and_repeats(shared, version):
 
 
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
-def test_int8_wants_files_that_are_in_it(shared, runtime):
+def test_int8_requires_quantized_files(shared, runtime):
     weights = shared("data/weights/nanotrackv3")
     with pytest.raises(ssiam.WeightsError, match="int8") as caught:
         ssiam.load_tracker("nanotrack_v3", weights=weights, runtime=runtime, precision="int8")
@@ -128,7 +130,7 @@ def test_int8_wants_files_that_are_in_it(shared, runtime):
         ),
     ],
 )
-def test_what_a_runtime_cannot_do_is_told(shared, arguments, complaint):
+def test_unsupported_runtime_options_are_refused(shared, arguments, complaint):
     with pytest.raises(ssiam.errors.ArgumentError, match=complaint):
         ssiam.load_tracker("nanotrack_v3", weights=shared("data/weights/nanotrackv3"), **arguments)
 

@@ -1,4 +1,4 @@
-"""A frame that is announced one ahead changes no result; a motion that is told is used."""
+"""A `following` frame does not change results; a given motion is used."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from helpers.synthetic import generator, poses, seen, world
 from ssiam import Motion
 from ssiam.geometry import rigid
 from ssiam.track import Track
-from ssiam.trackers import SteadiedTracker
+from ssiam.trackers import StabilizedTracker
 
 SIZE = (320, 240)
 BOXES = [(130.0, 90.0, 40.0, 50.0), (40.0, 40.0, 36.0, 30.0), (240.0, 150.0, 30.0, 40.0)]
@@ -17,24 +17,24 @@ METHODS = ["predict", "paper", "off"]
 
 @pytest.fixture(scope="module")
 def frames():
-    picture = world(size_wh=SIZE)
+    scene = world(size_wh=SIZE)
     path = poses(generator(2).normal(0, (5, 3, 0.01), (14, 3)), SIZE)
-    return [seen(picture, pose) for pose in path]
+    return [seen(scene, pose) for pose in path]
 
 
-def told(track):
-    """Everything that a track tells, to be compared."""
+def content(track):
+    """All fields of a track in a comparable form."""
     motion = None if track.motion is None else track.motion.cur_from_prev.tolist()
     view = None if track.stab_from_raw is None else track.stab_from_raw.tolist()
     return track.box, track.score, track.lost, track.evidence, motion, view
 
 
-def one(frames, stabilize, announced):
+def single(frames, stabilize, announced):
     tracker = ssiam.load_tracker("kcf", stabilize=stabilize)
     tracker.init(frames[0], BOXES[0])
     following = [*frames[2:], None]
     return [
-        told(tracker.update(frame, following=after if announced(t) else None))
+        content(tracker.update(frame, following=after if announced(t) else None))
         for t, (frame, after) in enumerate(zip(frames[1:], following, strict=True))
     ]
 
@@ -44,20 +44,20 @@ def several(frames, stabilize, announced):
     group.init(frames[0], BOXES)
     following = [*frames[2:], None]
     return [
-        [told(track) for track in group.update(frame, after if announced(t) else None)]
+        [content(track) for track in group.update(frame, after if announced(t) else None)]
         for t, (frame, after) in enumerate(zip(frames[1:], following, strict=True))
     ]
 
 
-@pytest.mark.parametrize("run", [one, several])
+@pytest.mark.parametrize("run", [single, several])
 @pytest.mark.parametrize("stabilize", METHODS)
-def test_an_announced_frame_changes_nothing(frames, run, stabilize):
+def test_a_following_frame_does_not_change_results(frames, run, stabilize):
     alone = run(frames, stabilize, lambda t: False)
     assert run(frames, stabilize, lambda t: True) == alone
     assert run(frames, stabilize, lambda t: t % 3 == 1) == alone
 
 
-def test_a_frame_that_was_not_announced_is_refused(frames):
+def test_another_frame_than_the_following_one_is_refused(frames):
     tracker = ssiam.load_tracker("kcf")
     tracker.init(frames[0], BOXES[0])
     tracker.update(frames[1], following=frames[2])
@@ -65,17 +65,17 @@ def test_a_frame_that_was_not_announced_is_refused(frames):
         tracker.update(frames[3])
 
 
-def test_a_new_target_forgets_what_was_announced(frames):
+def test_a_new_target_discards_the_following_frame(frames):
     tracker, fresh = ssiam.load_tracker("kcf"), ssiam.load_tracker("kcf")
     tracker.init(frames[0], BOXES[0])
     tracker.update(frames[1], following=frames[2])
     for each in (tracker, fresh):
         each.init(frames[5], BOXES[1])
-    assert told(tracker.update(frames[6])) == told(fresh.update(frames[6]))
+    assert content(tracker.update(frames[6])) == content(fresh.update(frames[6]))
 
 
 @pytest.mark.parametrize("announced", [True, False])
-def test_an_announced_frame_of_another_size_is_refused_in_its_turn(frames, announced):
+def test_a_following_frame_of_another_size_is_refused_by_its_update(frames, announced):
     tracker, odd = ssiam.load_tracker("kcf"), world(size_wh=(160, 120))
     tracker.init(frames[0], BOXES[0])
     tracker.update(frames[1], following=odd if announced else None)
@@ -83,10 +83,10 @@ def test_an_announced_frame_of_another_size_is_refused_in_its_turn(frames, annou
         tracker.update(odd)
 
 
-class Faithful:
-    """Says that the target is where the view was made to show it."""
+class StillTracker:
+    """Reports the first box in every view."""
 
-    doubt = 0.0
+    can_seek, reseek_below = True, 0.0
 
     def init(self, view, xywh):
         self.xywh = xywh
@@ -98,15 +98,15 @@ class Faithful:
         self.xywh = xywh
         return self.track(view)
 
-    def another(self):
-        return Faithful()
+    def clone(self):
+        return StillTracker()
 
 
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
-def test_a_motion_that_is_told_is_used(frames, stabilize):
-    """Frames that all show the same, and someone who says that the camera moves."""
-    tracker = SteadiedTracker(
-        Faithful(), ssiam.StabilizerConfig(stabilize).with_options(choose=False, gate=0)
+def test_a_given_motion_is_used(frames, stabilize):
+    """All frames are equal, and the given motions are not zero."""
+    tracker = StabilizedTracker(
+        StillTracker(), ssiam.StabilizerConfig(stabilize).with_options(choose=False, gate=0)
     )
     tracker.init(frames[0], BOXES[0])
     motions = [Motion.from_transform(rigid(dx, -dx, 0.0), SIZE) for dx in (8, -8, 8)]
@@ -114,19 +114,19 @@ def test_a_motion_that_is_told_is_used(frames, stabilize):
     for track, motion in zip(tracks, motions, strict=True):
         assert track.motion is motion
     assert np.abs(tracks[-1].stab_from_raw[:2, 2]).min() > 2
-    still = tracker.update(frames[0].copy())  # and is estimated again after that
+    still = tracker.update(frames[0].copy())  # without a motion it is estimated
     assert still.motion.shift_angle == pytest.approx((0, 0, 0), abs=0.05)
 
 
-def test_a_motion_that_is_told_needs_no_camera(frames):
+def test_off_has_no_motion_estimator(frames):
     tracker = ssiam.load_tracker("kcf", stabilize="off")
     tracker.init(frames[0], BOXES[0])
     assert tracker.update(frames[1]).motion is None
-    assert tracker.camera() is None
+    assert tracker.new_camera() is None
 
 
-def test_a_group_is_its_trackers_on_one_motion(frames):
-    """The motion of a group leaves all targets out; with it, each is followed as alone."""
+def test_a_group_gives_the_results_of_its_trackers_with_one_motion(frames):
+    """A group's motion estimate excludes all targets."""
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf"))
     group.init(frames[0], BOXES)
     alone = [ssiam.load_tracker("kcf") for _ in BOXES]
@@ -137,4 +137,4 @@ def test_a_group_is_its_trackers_on_one_motion(frames):
         motion = tracks[0].motion
         assert {id(track.motion) for track in tracks} == {id(motion)}
         for tracker, track in zip(alone, tracks, strict=True):
-            assert told(tracker.update(frame, motion=motion)) == told(track)
+            assert content(tracker.update(frame, motion=motion)) == content(track)

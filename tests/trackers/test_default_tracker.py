@@ -1,4 +1,4 @@
-"""The tracker that comes with the package: its weights are there, small, and track."""
+"""The default tracker: its weights are in the package, small, and track."""
 
 import subprocess
 import sys
@@ -12,23 +12,23 @@ from ssiam.errors import ArgumentError, WeightsError
 from ssiam.geometry import iou
 from ssiam.trackers.lite import SHIPPED
 
-MOST_BYTES = 12_000_000
+MAX_BYTES = 12_000_000
 
 
-def followed(tracker, name="A"):
-    """Tracks of the textured ellipse that walks over blocks, and its true boxes."""
+def tracked(tracker, name="A"):
+    """Tracks of a textured ellipse that moves over blocks, and the frames."""
     frames, (x, y, w, h) = golden_video(name)
     tracker.init(frames[0], (x, y, w, h))
     return [tracker.update(frame) for frame in frames[1:]], frames
 
 
-def test_it_is_what_nobody_needs_to_name():
+def test_it_is_loaded_without_a_name():
     assert ssiam.load_tracker().config.stabilize == "predict"
     assert ssiam.TRACKERS[0] == "lite"
-    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < MOST_BYTES
+    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < MAX_BYTES
 
 
-def test_it_needs_no_torch():
+def test_it_does_not_need_torch():
     code = (
         "import sys; sys.modules['torch'] = sys.modules['onnx'] = None\n"
         "import ssiam; ssiam.load_tracker(); print('loaded')"
@@ -38,8 +38,8 @@ def test_it_needs_no_torch():
 
 
 @pytest.mark.parametrize("stabilize", ["off", "predict"])
-def test_it_follows_with_box_mask_and_corners(stabilize):
-    tracks, frames = followed(ssiam.load_tracker(stabilize=stabilize))
+def test_it_tracks_with_box_mask_and_corners(stabilize):
+    tracks, frames = tracked(ssiam.load_tracker(stabilize=stabilize))
     found = np.array([track.box for track in tracks])
     assert (np.ptp(found[:, :2], axis=0) > 20).all()
     for track, frame in zip(tracks, frames[1:], strict=True):
@@ -52,17 +52,17 @@ def test_it_follows_with_box_mask_and_corners(stabilize):
 
 def test_the_runtimes_agree():
     openvino, onnxruntime = (
-        np.array([track.box for track in followed(ssiam.load_tracker(runtime=runtime))[0]])
+        np.array([track.box for track in tracked(ssiam.load_tracker(runtime=runtime))[0]])
         for runtime in ("openvino", "onnxruntime")
     )
     # Rounding grows from frame to frame.
     assert iou(openvino[:5], onnxruntime[:5]).min() > 0.999
 
 
-def test_two_of_them_share_their_networks_and_nothing_else():
+def test_a_clone_does_not_disturb_the_original():
     first = ssiam.load_tracker()
-    alone = [track.box for track in followed(first)[0]]
-    second = first.another()
+    alone = [track.box for track in tracked(first)[0]]
+    second = first.clone()
     frames, box = golden_video("A")
     others, _ = golden_video("B")
     first.init(frames[0], box)
@@ -75,14 +75,14 @@ def test_two_of_them_share_their_networks_and_nothing_else():
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [
         pytest.param({"runtime": "torch"}, "choose runtime openvino or onnxruntime", id="torch"),
         pytest.param({"precision": "int8"}, "no int8 weights", id="int8"),
     ],
 )
-def test_what_it_cannot_do_is_told(options, says):
-    with pytest.raises(ArgumentError, match=says):
+def test_unsupported_options_are_refused(options, message):
+    with pytest.raises(ArgumentError, match=message):
         ssiam.load_tracker(**options)
 
 

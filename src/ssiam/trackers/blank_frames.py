@@ -1,0 +1,105 @@
+"""`BlankFrameDetector`: finds frames in which there is nothing to track.
+
+A black, white or torn frame carries no evidence, but a network returns a box for it all the same:
+the box drifts, its size shrinks, and the running statistics of the score are corrupted. Such a
+frame is not passed to the tracker at all.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import XYWH, Image
+
+_REACH: Final = 1.5  # longer sides of the box that the checked area extends beyond it
+_SAMPLES: Final = 16  # samples along each side of the checked area
+_PIXELS_PER_SAMPLE: Final = 4  # pixels along each side that are averaged into a sample
+_FLAT: Final = 6  # gray levels between the samples of a flat area, at most
+_ROWS: Final = 48  # rows of the frame that are compared with the row below
+_COLUMNS: Final = 96  # columns in which they are compared
+_ROW_DISTANCE: Final = 4  # px between two compared rows
+_SAME_ROW: Final = 4  # gray levels between two rows that a decoder has repeated, at most
+_COVERED: Final = 0.4  # share of the box on torn rows from which it is not visible
+_PATIENCE: Final = 25  # frames after which torn rows are accepted as part of the scene
+
+
+class BlankFrameDetector:
+    """Checks one frame after the other, for one target.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        The first frame, which shows the target.
+    """
+
+    def __init__(self, frame: Image) -> None:
+        self._constant_rows = _constant_rows(frame)  # of the last frame that was not blank
+        self._frames_blank = 0  # consecutive frames before this one
+
+    def is_blank(self, frame: Image, xywh: XYWH, *, lost: bool) -> bool:
+        """Whether `frame` is blank around the box `xywh`; call it once for each frame.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+        xywh : (x, y, w, h)
+            Raw-frame pixels.
+        lost : bool
+            Whether the target is lost. It may be anywhere then, so that the frame is flat only if
+            all of it is.
+        """
+        if _is_flat(frame, None if lost else xywh):
+            self._frames_blank += 1
+            return True
+        constant = _constant_rows(frame)
+        torn = constant & ~self._constant_rows
+        if torn.any() and self._frames_blank < _PATIENCE:
+            self._frames_blank += 1
+            return _is_covered(torn, frame.shape[0], xywh)
+        self._constant_rows, self._frames_blank = constant, 0
+        return False
+
+
+def _is_flat(frame: Image, xywh: XYWH | None) -> bool:
+    """Whether the area around a box, or the whole frame, contains nothing but noise."""
+    height, width = frame.shape[:2]
+    left, top, right, bottom = 0, 0, width, height
+    if xywh is not None:
+        x, y, w, h = xywh
+        reach = _REACH * max(w, h)
+        left, right = (int(np.clip(edge, 0, width)) for edge in (x - reach, x + w + reach))
+        top, bottom = (int(np.clip(edge, 0, height)) for edge in (y - reach, y + h + reach))
+        if right - left < _SAMPLES or bottom - top < _SAMPLES:
+            return False  # too little of the area is in the frame
+    step_x, step_y = (
+        max((end - start) // (_SAMPLES * _PIXELS_PER_SAMPLE), 1)
+        for start, end in ((left, right), (top, bottom))
+    )
+    area = np.ascontiguousarray(frame[top:bottom:step_y, left:right:step_x])
+    samples = cv2.resize(area, (_SAMPLES, _SAMPLES), interpolation=cv2.INTER_AREA)
+    vertical_range = np.ptp(samples, axis=0).max()  # also 0 where a decoder repeats a row
+    return bool(vertical_range <= _FLAT)
+
+
+def _constant_rows(frame: Image) -> NDArray[np.bool_]:
+    """Whether each compared row equals the one below it over the full width; (n,) bool."""
+    step_y, step_x = max(len(frame) // _ROWS, 1), max(frame.shape[1] // _COLUMNS, 1)
+    last = len(frame) - _ROW_DISTANCE
+    if last <= 0:
+        return np.zeros(1, dtype=np.bool_)
+    rows, below = frame[:last:step_y, ::step_x], frame[_ROW_DISTANCE::step_y, ::step_x]
+    difference = cv2.absdiff(np.ascontiguousarray(rows), np.ascontiguousarray(below))
+    return np.asarray(difference.max(axis=(1, 2)) <= _SAME_ROW)
+
+
+def _is_covered(torn_rows: NDArray[np.bool_], height: int, xywh: XYWH) -> bool:
+    """Whether too large a share of a box is on the torn rows (n,) of a frame."""
+    row_y = (np.arange(len(torn_rows)) + 0.5) * height / len(torn_rows)
+    in_box = (row_y >= xywh[1]) & (row_y <= xywh[1] + xywh[3])
+    if not in_box.any():
+        in_box[int(np.abs(row_y - xywh[1] - xywh[3] / 2).argmin())] = True
+    return bool(torn_rows[in_box].mean() >= _COVERED)

@@ -1,0 +1,172 @@
+"""`DistractorTracker`: similar objects next to the target.
+
+In a single frame a distractor may match the template better than the target does, and a tracker
+that takes the best candidate of each frame switches to it. The positions distinguish the two:
+other peaks of the score map are tracked from frame to frame, and a peak that has had a lower
+score than the target for several frames is excluded, as long as something is visible at the
+target's position and the target's score has been high of late. (KeepTrack, Mayer et al.,
+ICCV 2021, learns to associate such candidates; here only their positions are used.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.trackers.siamese import Floats, TargetState
+
+Flags = NDArray[np.bool_]
+
+_MIN_PEAK: Final = 0.1  # score above which a local maximum is a peak
+_MAX_PEAKS: Final = 6  # peaks that are tracked
+_MAX_STEP: Final = 0.5  # target sizes that a distractor may move from frame to frame
+_SAME_OBJECT: Final = 0.4  # target sizes within which candidates belong to one object
+_MEMORY: Final = 0.8  # weight of the past in running scores
+_MIN_FRAMES: Final = 3  # frames after which a tracked peak counts as a distractor
+_MIN_TARGET_SCORE: Final = 0.35  # the target's running score from which its position is trusted
+_MAX_RATIO: Final = 0.75  # a distractor's running score over the target's, at most
+_FORGET_BELOW: Final = 0.03  # running score below which a distractor is dropped
+
+
+class _Distractor(NamedTuple):
+    xy: Floats
+    score: float  # running mean
+    frames: int  # in which it was seen
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredCandidates:
+    """The candidates of one frame, as `DistractorTracker.detect` returns them.
+
+    Attributes
+    ----------
+    positions_xy : (n, 2) float64
+        Centers, view pixels.
+    score : (n,) float64
+        0..1.
+    target_size : float
+        Geometric mean of the target's sides, view pixels.
+    peaks : list of int
+        Indices of the highest local maxima, one for each object.
+    is_distractor : (n,) bool
+        Candidates that belong to a distractor.
+    """
+
+    positions_xy: Floats
+    score: Floats
+    target_size: float
+    peaks: list[int]
+    is_distractor: Flags
+
+    def distances(self, positions_xy: Floats, xy: Floats) -> Floats:
+        """Distances (n,) of positions (n, 2) from a point, in target sizes."""
+        return np.asarray(np.linalg.norm(positions_xy - xy, axis=-1) / self.target_size)
+
+
+class DistractorTracker:
+    """Tracks the distractors of one target by their positions in the view.
+
+    In a predicted view the target stays at its position, and so does what moves with it or,
+    under a shaking camera, with the scene.
+    """
+
+    def __init__(self) -> None:
+        self._distractors: list[_Distractor] = []
+        self._target_score = 0.0  # running mean
+
+    def detect(self, positions_xy: Floats, score: Floats, last: TargetState) -> ScoredCandidates:
+        """Find the candidates that belong to a known distractor.
+
+        There are none if the target is not visible at its position, or its running score is low:
+        one of the peaks may be the target.
+
+        Parameters
+        ----------
+        positions_xy : (n, 2) float64
+            Centers of the candidates' boxes, view pixels, row by row of a square map.
+        score : (n,) float64
+            0..1.
+        last : TargetState
+            Last or predicted state of the target, view pixels.
+        """
+        size = math.sqrt(math.prod(last.size_wh))
+        flags = np.zeros(len(score), dtype=np.bool_)
+        candidates = ScoredCandidates(
+            positions_xy, score, size, _peaks(positions_xy, score, size), flags
+        )
+        from_target = candidates.distances(positions_xy, np.asarray(last.center_xy))
+        if (
+            self._target_score >= _MIN_TARGET_SCORE
+            and (from_target[candidates.peaks] < _SAME_OBJECT).any()
+        ):
+            for known in self._distractors:
+                if known.frames >= _MIN_FRAMES and known.score < _MAX_RATIO * self._target_score:
+                    flags = flags | _candidates_of(known, candidates, from_target)
+        return replace(candidates, is_distractor=flags)
+
+    def update(self, candidates: ScoredCandidates, best: int) -> None:
+        """Take candidate `best` as the target, and the other peaks as distractors."""
+        best_score = float(candidates.score[best])
+        self._target_score = (
+            _running_mean(self._target_score, best_score) if self._target_score else best_score
+        )
+        target_xy = candidates.positions_xy[best]
+        unmatched, matched = self._distractors, []
+        for peak in candidates.peaks:
+            xy, score = candidates.positions_xy[peak], float(candidates.score[peak])
+            if candidates.distances(xy, target_xy) < _SAME_OBJECT:
+                continue
+            nearest = min(
+                unmatched, key=lambda known: candidates.distances(known.xy, xy), default=None
+            )
+            if nearest is None or candidates.distances(nearest.xy, xy) > _MAX_STEP:
+                matched.append(_Distractor(xy, score, 1))
+            else:
+                unmatched = [known for known in unmatched if known is not nearest]
+                running = _running_mean(nearest.score, score)
+                matched.append(_Distractor(xy, running, nearest.frames + 1))
+        hidden = (known._replace(score=_running_mean(known.score, 0.0)) for known in unmatched)
+        self._distractors = matched + [
+            known
+            for known in hidden
+            if known.score > _FORGET_BELOW
+            and candidates.distances(known.xy, target_xy) > _SAME_OBJECT
+        ]
+
+
+def _peaks(positions_xy: Floats, score: Floats, target_size: float) -> list[int]:
+    """Indices of the score map's peaks in descending order, one for each object."""
+    side = math.isqrt(len(score))
+    score_map = score.reshape(side, side)
+    local_maximum = cv2.dilate(score_map, np.ones((3, 3), dtype=np.uint8)).ravel()
+    maxima = np.flatnonzero((score >= local_maximum) & (score > _MIN_PEAK))
+    peaks: list[int] = []
+    for index in maxima[np.argsort(-score[maxima])].tolist():
+        distances = np.linalg.norm(positions_xy[peaks] - positions_xy[index], axis=-1)
+        if (distances / target_size > _SAME_OBJECT).all():
+            peaks.append(index)
+    return peaks[:_MAX_PEAKS]
+
+
+def _candidates_of(known: _Distractor, candidates: ScoredCandidates, from_target: Floats) -> Flags:
+    """Candidates (n,) of the peak next to a distractor; none if that is the target's peak.
+
+    `from_target` (n,) is each candidate's distance from the target, in target sizes.
+    """
+    positions_xy, peaks = candidates.positions_xy, candidates.peaks
+    steps = candidates.distances(positions_xy[peaks], known.xy)
+    nearest = int(np.argmin(steps))
+    peak = peaks[nearest]
+    if steps[nearest] > min(_MAX_STEP, from_target[peak]):
+        return np.zeros(len(candidates.score), dtype=np.bool_)
+    from_peak = candidates.distances(positions_xy, positions_xy[peak])
+    return np.asarray((from_peak < _SAME_OBJECT) & (from_peak < from_target))
+
+
+def _running_mean(past: float, now: float) -> float:
+    return _MEMORY * past + (1 - _MEMORY) * now

@@ -1,0 +1,296 @@
+"""Followers: how one target is tracked from frame to frame, depending on the stabilization.
+
+A `Follower` handles each frame in two steps. `advance` takes the camera's motion to the frame and
+returns a `FrameStep`: the stabilizing transform and where the target will be searched. `locate`
+runs the tracker on that view. `StabilizedFollower` stabilizes as the paper does, or not at all;
+`PredictiveFollower` predicts the target's box, and searches for a lost target until it is
+re-detected.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from ssiam.errors import ArgumentError
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
+from ssiam.motion import Motion
+from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig, TargetPredictor
+from ssiam.track import Track
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.lost import LossDetector, ReachableBox
+
+_CONFIDENT: Final = 0.5  # score above which the target is taken to be in the box
+_CERTAIN: Final = 0.75  # score above which a box is accepted even if it is not reachable
+_LIKELY: Final = 0.25  # score above which the box is remembered as the target's last one
+# Offsets of the successive search positions, in units of the search's reach.
+_SEARCH_PATTERN: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
+_SEARCH_REACH: Final = (1.0, 4.0)  # target sizes: minimum and maximum
+_SEARCH_GROWTH: Final = 0.1  # target sizes per frame
+_DISTINCT: Final = 0.7  # target sizes between the positions of two different objects
+_SEARCH_DELAY: Final = 25  # frames for which a lost target is only followed, before the search
+
+
+@dataclass(frozen=True, eq=False)
+class FrameStep:
+    """The step to one frame: how it is stabilized and where the target is searched in it.
+
+    Attributes
+    ----------
+    motion : Motion or None
+        The camera's motion to the frame; None with ``stabilize="off"``.
+    stab_from_raw : (3, 3) float64
+    search_xywh : (x, y, w, h)
+        The box around which the tracker searches, raw-frame pixels.
+    predicted_xywh : (x, y, w, h) or None
+        The target's predicted box, raw-frame pixels; None where nothing is predicted.
+    """
+
+    motion: Motion | None
+    stab_from_raw: Transform
+    search_xywh: XYWH
+    predicted_xywh: XYWH | None = None
+
+    @property
+    def is_motion_unknown(self) -> bool:
+        """Whether the camera's motion to the frame was estimated but is not reliable."""
+        return self.motion is not None and not self.motion.reliable
+
+
+class Follower(Protocol):
+    """Follows one target with a `ViewTracker`, in raw-frame pixels.
+
+    A follower is made with a tracker that has its target, a `StabilizerConfig`, the target's box in
+    raw-frame pixels and the target's `LossDetector`.
+    """
+
+    def advance(self, motion: Motion | None) -> FrameStep:
+        """Move on to the next frame, reached by `motion`."""
+
+    def locate(self, frame: Image, step: FrameStep) -> Track:
+        """The target in `frame`, which `step` has reached."""
+
+    def hold(self, step: FrameStep) -> Track:
+        """The target in the frame that `step` has reached, if that is blank.
+
+        The tracker does not run; the box keeps its position.
+        """
+
+
+class StabilizedFollower:
+    """A tracker on frames that are stabilized as in the paper, or not at all.
+
+    Parameters
+    ----------
+    tracker : ViewTracker
+        It has its target.
+    config : StabilizerConfig
+    xywh : (x, y, w, h)
+        The target, raw-frame pixels.
+    loss : LossDetector
+    """
+
+    def __init__(
+        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
+    ) -> None:
+        self._tracker = tracker
+        self._stabilizer = Stabilizer(config)
+        self._border = 0 if config.stabilize == "off" else config.border
+        self._loss = loss
+        self._stab_xywh = xywh  # where the tracker searches, stabilized pixels
+
+    def advance(self, motion: Motion | None) -> FrameStep:
+        """Move on to the next frame; nothing is predicted."""
+        stab_from_raw = IDENTITY if motion is None else self._stabilizer.update(motion)
+        raw_from_stab = np.asarray(np.linalg.inv(stab_from_raw))
+        return FrameStep(motion, stab_from_raw, map_box(raw_from_stab, self._stab_xywh))
+
+    def locate(self, frame: Image, step: FrameStep) -> Track:
+        """The target in `frame`, raw-frame pixels."""
+        view = FrameView(frame, step.stab_from_raw, self._border)
+        track = self._tracker.track(view)
+        self._stab_xywh = track.box
+        self._loss.update(track.score)
+        if step.motion is None:
+            return replace(track, lost=self._loss.lost)
+        return replace(
+            track.mapped(view.raw_from_stab, view.size_wh),
+            lost=self._loss.lost,
+            motion=step.motion,
+            stab_from_raw=step.stab_from_raw,
+        )
+
+    def hold(self, step: FrameStep) -> Track:
+        """The target in a blank frame, at its stabilized position."""
+        self._loss.skip_blank()
+        track = Track(step.search_xywh, 0.0, self._loss.lost)
+        if step.motion is None:
+            return track
+        return replace(track, motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+
+class PredictiveFollower:
+    """A tracker on predicted views, with search and re-detection of a lost target.
+
+    Parameters
+    ----------
+    tracker : ViewTracker
+        It has its target.
+    config : StabilizerConfig
+    xywh : (x, y, w, h)
+        The target, raw-frame pixels.
+    loss : LossDetector
+    """
+
+    def __init__(
+        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
+    ) -> None:
+        self._tracker, self._config = tracker, config
+        self._prediction = TargetPredictor(config.predict, xywh)
+        self._loss = loss
+        self._last_xywh = xywh  # the last likely box, moved along with the scene
+        self._before_cut_xywh = xywh  # the same before the last cut
+        self._reachable = ReachableBox(xywh)
+        self._is_redetected = False  # the last search has found the target
+        # Displacement of the target over the blank frames before this one, if its speed was known.
+        self._gap_shift_xy: tuple[float, float] | None = None
+        self._tracker_is_elsewhere = False  # the tracker's box is not the one last reported
+
+    def advance(self, motion: Motion | None) -> FrameStep:
+        """Move on to the next frame, and predict the target's box in it.
+
+        Raises
+        ------
+        ArgumentError
+            No motion is given.
+        """
+        if motion is None:
+            raise ArgumentError('no motion given: stabilize="predict" needs that of each frame')
+        self._reachable.advance(motion)
+        if motion.reliable:
+            self._last_xywh = map_box(motion.cur_from_prev, self._last_xywh)
+        elif not self._loss.lost:  # a cut: the video may come back to the same scene
+            self._before_cut_xywh = self._last_xywh
+        predicted = self._prediction.update(motion)
+        return FrameStep(motion, self._prediction.stab_from_raw, predicted, predicted)
+
+    def locate(self, frame: Image, step: FrameStep) -> Track:
+        """The target in `frame`, raw-frame pixels."""
+        view = FrameView(frame, step.stab_from_raw, self._config.border)
+        if self._is_searching and not self._is_redetected:
+            track, fallback_xywh = self._search(view, step.search_xywh)
+        else:
+            track = self._track(view, step.search_xywh)
+            if self._gap_shift_xy is not None and self._tracker.can_seek:
+                track = self._after_gap(view, track, step.search_xywh, self._gap_shift_xy)
+            fallback_xywh = track.box
+        self._update(track, fallback_xywh)
+        if self._loss.lost:
+            track = Track(fallback_xywh, track.score, lost=True, evidence=track.evidence)
+        return replace(track, motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+    def hold(self, step: FrameStep) -> Track:
+        """The target in a blank frame, at its position in the scene.
+
+        The next frame is searched around that position.
+        """
+        if self._config.predict.find:
+            self._loss.skip_blank()
+        xywh = self._prediction.hold()
+        self._gap_shift_xy = self._prediction.traveled
+        return Track(
+            xywh,
+            0.0,
+            self._loss.lost,
+            motion=step.motion,
+            stab_from_raw=self._prediction.stab_from_raw,
+        )
+
+    @property
+    def _is_searching(self) -> bool:
+        return self._loss.frames_lost >= _SEARCH_DELAY and self._tracker.can_seek
+
+    def _track(self, view: FrameView, search_xywh: XYWH) -> Track:
+        """The tracker's result; if its score is very low, that of a second search."""
+        if self._tracker_is_elsewhere:
+            first = self._seek(view, search_xywh)
+        else:
+            first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
+        self._tracker_is_elsewhere = False
+        tracker = self._tracker
+        if (
+            not tracker.can_seek
+            or first.score > tracker.reseek_below
+            or not self._config.predict.find
+        ):
+            return first
+        second = self._seek(view, search_xywh)
+        self._tracker_is_elsewhere = second.score <= first.score
+        return first if self._tracker_is_elsewhere else second
+
+    def _after_gap(
+        self, view: FrameView, track: Track, search_xywh: XYWH, shift_xy: tuple[float, float]
+    ) -> Track:
+        """The better of `track` and a search where a moving target would be after a gap.
+
+        If there are similar objects at both positions the result is ambiguous: the score is 0.
+        """
+        (x, y, w, h), size = search_xywh, math.sqrt(track.box[2] * track.box[3])
+        if not self._loss.lost or math.hypot(*shift_xy) < _DISTINCT * size:
+            self._gap_shift_xy = None
+            return track
+        moved = self._seek(view, (x + shift_xy[0], y + shift_xy[1], w, h))
+        (u, v), (p, q) = track.box[:2], moved.box[:2]
+        same_object = math.hypot(u - p, v - q) < _DISTINCT * size
+        if same_object or min(track.score, moved.score) < _LIKELY:
+            self._tracker_is_elsewhere = track.score >= moved.score
+            return track if self._tracker_is_elsewhere else moved
+        self._tracker_is_elsewhere = True
+        return replace(track, score=0.0)
+
+    def _search(self, view: FrameView, predicted_xywh: XYWH) -> tuple[Track, XYWH]:
+        """A lost target at its predicted box, or else at the next position of the search.
+
+        Also returns the box found around the prediction, which is reported while the target stays
+        lost.
+        """
+        predicted = self._seek(view, predicted_xywh)
+        if predicted.score > _LIKELY and self._is_plausible(predicted):
+            return predicted, predicted.box
+        other = self._seek(view, self._search_box(self._loss.frames_lost))
+        is_found = other.score > max(predicted.score, _CERTAIN)
+        return (other if is_found else predicted), predicted.box
+
+    def _seek(self, view: FrameView, xywh: XYWH) -> Track:
+        stab_xywh = map_box(view.stab_from_raw, xywh)
+        return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
+
+    def _update(self, track: Track, fallback_xywh: XYWH) -> None:
+        plausible = self._is_plausible(track)
+        if self._config.predict.find:
+            self._loss.update(track.score if plausible else 0.0)
+        if track.score > _LIKELY and not self._loss.lost:
+            self._reachable.observe(track.box)
+        confident = track.score > _CONFIDENT
+        self._is_redetected = confident and plausible
+        if self._is_searching:
+            self._prediction.move_to(track.box if confident else fallback_xywh)
+            return
+        if track.score > _LIKELY:
+            self._last_xywh = track.box
+        self._prediction.observe(track.box, track.score)
+
+    def _is_plausible(self, track: Track) -> bool:
+        """Whether the target can have the box, or the score is high enough to accept it anyway."""
+        return track.score > _CERTAIN or self._reachable.contains(track.box)
+
+    def _search_box(self, frames_lost: int) -> XYWH:
+        """The box around which a lost target is searched in this frame."""
+        x, y, w, h = self._before_cut_xywh if frames_lost % 4 == 2 else self._last_xywh
+        least, most = _SEARCH_REACH
+        reach = min(least + _SEARCH_GROWTH * frames_lost, most) * math.sqrt(w * h)
+        dx, dy = _SEARCH_PATTERN[frames_lost % len(_SEARCH_PATTERN)]
+        return x + dx * reach, y + dy * reach, w, h

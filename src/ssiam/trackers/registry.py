@@ -1,0 +1,168 @@
+"""The trackers by name: `load_tracker`, and the folders of their weights."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, get_args
+
+from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.runtime import (
+    MODEL_ZOO,
+    DeviceName,
+    Precision,
+    PublishedWeights,
+    RuntimeName,
+    RuntimeOptions,
+)
+from ssiam.stabilize import Method, StabilizerConfig
+from ssiam.trackers import siammask, siamrpn
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.lite import SHIPPED, LiteName, LiteNetworks, LiteTracker
+from ssiam.trackers.nanotrack import (
+    CONFIDENCE,
+    PARAMETERS,
+    NanoTrack,
+    NanoTrackName,
+    NanoTrackNetworks,
+)
+from ssiam.trackers.opencv import OpenCvName, OpenCvTracker
+from ssiam.trackers.siamfc import SiamFc, SiamFcName, SiamFcNetworks
+from ssiam.trackers.siammask import SiamMask, SiamMaskName, SiamMaskNetworks, SiamMaskParameters
+from ssiam.trackers.siamrpn import SiamRpn, SiamRpnName, SiamRpnNetworks, SiamRpnParameters
+from ssiam.trackers.stabilized import StabilizedTracker
+
+SiameseName: TypeAlias = Literal[SiamFcName, SiamRpnName, SiamMaskName]
+TrackerName: TypeAlias = Literal[LiteName, OpenCvName, NanoTrackName, SiameseName]
+TRACKERS: tuple[TrackerName, ...] = get_args(TrackerName)
+DEFAULT_TRACKER: TrackerName = "lite"
+
+_ANCHOR_PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
+    name: parameters
+    for name, parameters in (*siamrpn.PARAMETERS.items(), *siammask.PARAMETERS.items())
+}
+
+
+def load_tracker(
+    name: TrackerName | None = None,
+    *,
+    weights: str | os.PathLike[str] | None = None,
+    stabilize: Method | StabilizerConfig = "predict",
+    runtime: RuntimeName = "openvino",
+    threads: int = 1,
+    precision: Precision = "f32",
+    device: DeviceName | None = None,
+) -> StabilizedTracker:
+    """Load a tracker that runs on stabilized frames.
+
+    Parameters
+    ----------
+    name : str, optional
+        One of `TRACKERS`. The default tracker needs no weights.
+    weights : path, optional
+        File or folder of the networks, for trackers that have any: the authors' .pth file, or
+        .onnx files. By default those that come with the package (lite), or that
+        `ssiam weights import` has stored.
+    stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
+        "off" runs the tracker alone.
+    runtime : {"openvino", "onnxruntime", "torch"}
+        Inference engine of the networks. With the first two a .pth file is exported to ONNX once,
+        into the user's cache folder.
+    threads : int
+        CPU threads of one inference.
+    precision : {"f32", "bf16", "f16", "int8"}
+        Arithmetic of the networks. bf16: openvino, torch; f16: torch on a graphics card; int8:
+        openvino, onnxruntime, with files that were exported with it.
+    device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
+        The CPU by default, the only one of openvino; onnxruntime has cuda, tensorrt and coreml,
+        torch cuda and mps.
+
+    Raises
+    ------
+    ValueError
+        Unknown tracker, stabilization or runtime, or a runtime without that precision or device.
+    WeightsError
+        Weights that are missing, damaged or of another network.
+    MissingExtraError
+        The runtime, or a package that reads the weights, is not installed.
+
+    Examples
+    --------
+    >>> tracker = ssiam.load_tracker("nanotrack_v3", weights="weights/nanotrackv3")
+    >>> tracker.init(frame, (291, 124, 80, 60))
+    >>> tracker.update(next_frame).box
+    """
+    name = name or DEFAULT_TRACKER
+    check_choice("tracker", name, TRACKERS)
+    options = RuntimeOptions(runtime, threads, precision, device)
+    config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
+    path = None if weights is None else Path(weights)
+    return StabilizedTracker(_view_tracker(name, path, options), config)
+
+
+def _view_tracker(name: TrackerName, weights: Path | None, options: RuntimeOptions) -> ViewTracker:
+    if name == "csrt" or name == "kcf" or name == "mil":
+        if weights is not None:
+            raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
+        if options.precision != "f32" or options.resolved_device != "cpu":
+            raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
+        return OpenCvTracker(name)
+    if name == "lite":
+        return LiteTracker(LiteNetworks.load(weights or SHIPPED, options))
+    path = _required_weights(name, weights)
+    if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
+        networks = NanoTrackNetworks.load(name, path, options)
+        return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name])
+    return load_siamese_tracker(name, path, options)
+
+
+def load_siamese_tracker(
+    name: SiameseName, weights: Path, options: RuntimeOptions
+) -> SiamFc | SiamRpn | SiamMask:
+    """Load one of the paper's trackers, without stabilization.
+
+    Parameters
+    ----------
+    name : str
+    weights : Path
+        The authors' .pth file, or a folder of exported .onnx files; see
+        `ssiam.runtime.loading.load_pieces`, also for the errors.
+    options : RuntimeOptions
+    """
+    from ssiam.runtime.loading import load_pieces
+
+    pieces = load_pieces(weights, MODEL_ZOO[name].network, options)
+    template, search = pieces["template"], pieces["search"]
+    if name == "siamfc":
+        return SiamFc(SiamFcNetworks(template, search))
+    parameters = _ANCHOR_PARAMETERS[name]
+    if isinstance(parameters, SiamMaskParameters):
+        return SiamMask(SiamMaskNetworks(template, search, pieces["refine"]), parameters)
+    return SiamRpn(SiamRpnNetworks(template, search), parameters)
+
+
+def _required_weights(name: str, weights: Path | None) -> Path:
+    """`weights`, or those that were imported for the tracker; `WeightsError` if there are none."""
+    if weights is not None:
+        return weights
+    publication = MODEL_ZOO[name]
+    found = imported_weights(publication)
+    if found is None:
+        raise WeightsError(
+            f"tracker {name} needs weights: its authors publish {publication.file} at "
+            f"{publication.source}; give its path"
+        )
+    return found
+
+
+def imported_weights(publication: PublishedWeights) -> Path | None:
+    """The folder of weights that were imported, in one of `weights_folders`; None without any."""
+    folders = [folder / publication.folder for folder in weights_folders()]
+    return next((folder for folder in folders if folder.is_dir()), None)
+
+
+def weights_folders() -> tuple[Path, ...]:
+    """Folders that are searched for weights: the user's own, then ``weights`` where one exists."""
+    from ssiam.runtime.files import cache_folder
+
+    return cache_folder() / "weights", Path("weights")

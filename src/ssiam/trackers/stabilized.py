@@ -1,0 +1,257 @@
+"""`StabilizedTracker`: camera motion, stabilization, any tracker, inverse mapping (Fig. 2)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final
+
+from ssiam.copying import NotPicklable
+from ssiam.errors import ArgumentError, CopyError
+from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr
+from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
+from ssiam.motion.motion import as_motion
+from ssiam.stabilize import FrameView, StabilizerConfig
+from ssiam.track import Track
+from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.blank_frames import BlankFrameDetector
+from ssiam.trackers.followers import Follower, FrameStep, PredictiveFollower, StabilizedFollower
+from ssiam.trackers.lost import LossDetector
+
+# Score up to which the target counts as not visible in a frame whose motion is unknown. Noise
+# scores at most .08; with .3 a target that a strong shake has moved is held at its old position.
+_NOT_VISIBLE: Final = 0.1
+
+
+@dataclass
+class _Target:
+    """The state of one target, made by `init`."""
+
+    size_wh: tuple[int, int]  # of all frames
+    xywh: XYWH  # as last reported
+    exclude_xywh: XYWH  # left out of the next motion estimate: the predicted box if there is one
+    loss: LossDetector
+    blanks: BlankFrameDetector
+    follower: Follower
+    camera: PrefetchingCameraMotion | None
+
+
+class StabilizedTracker(NotPicklable):
+    """A tracker that runs on the stabilized view of each frame and returns raw-frame pixels.
+
+    Threads: one thread at a time for each object; several, also of one load, may run at once. The
+    frame given as `following` is read in a separate thread until it is given to `update`.
+
+    Use `load_tracker` to make one. An object tracks one target; `clone` makes a tracker for a
+    second target, which shares the networks and nothing else. Copies (`copy.copy` and
+    `copy.deepcopy`) share the networks too and keep the target; OpenCV's trackers can only be
+    copied without one. Trackers cannot be pickled: load one in each process.
+
+    Parameters
+    ----------
+    tracker : ViewTracker
+    config : StabilizerConfig
+    """
+
+    _copy_hint = "load one in each process with ssiam.load_tracker"
+
+    def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
+        _check_config(config)
+        self._tracker = tracker
+        self._config = config
+        self._target: _Target | None = None
+
+    @property
+    def config(self) -> StabilizerConfig:
+        """How the frames are stabilized."""
+        return self._config
+
+    @property
+    def has_target(self) -> bool:
+        """Whether `init` has been called."""
+        return self._target is not None
+
+    def new_camera(self) -> PrefetchingCameraMotion | None:
+        """A new motion estimator with this tracker's settings; None with ``stabilize="off"``."""
+        return _new_camera(self._config)
+
+    def clone(self) -> StabilizedTracker:
+        """A tracker of the same kind and settings without a target, on the same networks."""
+        return StabilizedTracker(self._tracker.clone(), self._config)
+
+    def init(self, frame: Image, box: Sequence[float]) -> None:
+        """Take the object in `box` of `frame` as the target.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8 BGR
+        box : (x, y, w, h)
+            Raw-frame pixels, 0-based, floats allowed.
+
+        Raises
+        ------
+        ValueError
+            The frame is not an image, or the box is empty, not finite or outside of it.
+        """
+        size_wh = check_frame(frame)
+        xywh, loss, blanks = check_box(box, size_wh), LossDetector(), BlankFrameDetector(frame)
+        follower, camera = self._new_follower(self._config, frame, xywh, loss)
+        self._tracker.init(_raw_view(frame, self._config), xywh)
+        self._target = _Target(size_wh, xywh, xywh, loss, blanks, follower, camera)
+
+    def switch(self, config: StabilizerConfig, frame: Image) -> None:
+        """Stabilize by `config` from now on, and keep the target.
+
+        The template is kept if the tracker can seek, and taken again from `frame` otherwise.
+
+        Parameters
+        ----------
+        config : StabilizerConfig
+        frame : (H, W, 3) uint8 BGR
+            The last frame that was given to this tracker.
+
+        Raises
+        ------
+        ValueError
+            `config` is not a `StabilizerConfig`, or the frame is not an image.
+        FrameSizeError
+            The frame's size differs from that of the first one.
+        """
+        _check_config(config)
+        target = self._target
+        check_frame(frame, None if target is None else target.size_wh)
+        if target is None:
+            self._config = config
+            return
+        follower, camera = self._new_follower(config, frame, target.xywh, target.loss)
+        view = _raw_view(frame, config)
+        if self._tracker.can_seek:
+            self._tracker.seek(view, target.xywh)
+        else:
+            self._tracker.init(view, target.xywh)
+        self._config = config
+        target.exclude_xywh = target.xywh
+        target.follower, target.camera = follower, camera
+
+    def update(
+        self, frame: Image, motion: Motion | None = None, following: Image | None = None
+    ) -> Track:
+        """The target in the next frame, raw-frame pixels.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8 BGR
+            Of the same size as the first one.
+        motion : Motion, optional
+            The camera's motion to this frame, if it is already known: several targets in one
+            video can share one estimate. By default it is estimated from the frames.
+        following : (H, W, 3) uint8 BGR, optional
+            The frame after this one, if it is available: the camera's motion to it is then
+            estimated in a separate thread while the tracker runs. It must be the next frame given
+            to `update`, and must not be written to until then. Results do not depend on it.
+
+        Raises
+        ------
+        ValueError
+            There is no target yet, the frame is not an image or not the one that was given as
+            `following`, or `following` or `motion` has the wrong form.
+        FrameSizeError
+            The frame's size differs from that of the first one.
+        """
+        target = self._current_target()
+        check_frame(frame, target.size_wh)
+        # A following frame of another size is refused when it is given to `update`.
+        ahead = following is not None and check_frame(following) == target.size_wh
+        known = None if motion is None else as_motion(motion, target.size_wh)
+        camera = target.camera
+        if camera is not None:
+            known = camera.update(frame, target.exclude_xywh, known)
+        step = self.advance(known)
+        if camera is not None and ahead and following is not None and step.predicted_xywh:
+            camera.start(following, step.predicted_xywh)
+        return self.locate(frame, step)
+
+    def advance(self, motion: Motion | None) -> FrameStep:
+        """The first half of an update, for callers that estimate the motion themselves.
+
+        Parameters
+        ----------
+        motion : Motion or None
+            The camera's motion to the next frame; None with ``stabilize="off"``.
+
+        Returns
+        -------
+        FrameStep
+            To be passed to `locate`, once, before the next `advance`.
+        """
+        return self._current_target().follower.advance(motion)
+
+    def locate(self, frame: Image, step: FrameStep) -> Track:
+        """The second half of an update: the target in `frame`, which `step` has reached."""
+        target = self._current_target()
+        check_frame(frame, target.size_wh)
+        if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
+            track = target.follower.hold(step)
+        else:
+            track = self._locate_visible(target, frame, step)
+        if track.lost:
+            track = replace(track, box=_touching(track.box, target.size_wh))
+        target.xywh = track.box
+        target.exclude_xywh = step.predicted_xywh or track.box
+        return track
+
+    def _locate_visible(self, target: _Target, frame: Image, step: FrameStep) -> Track:
+        """The target in a frame that is not blank.
+
+        If neither the camera's motion nor the target is found in it (noise, a torn frame, another
+        scene), it is handled as a blank frame, and the tracker's state is restored. OpenCV's
+        trackers cannot be copied and keep what they have learned from it.
+        """
+        before = None
+        if step.is_motion_unknown:
+            with suppress(CopyError):
+                before = copy.deepcopy((target.follower, self._tracker, target.loss))
+        track = target.follower.locate(frame, step)
+        if before is None or track.score > _NOT_VISIBLE:
+            return track
+        target.follower, self._tracker, target.loss = before
+        return target.follower.hold(step)
+
+    def _current_target(self) -> _Target:
+        if self._target is None:
+            raise ArgumentError("no target yet: call init(frame, box) before update(frame)")
+        return self._target
+
+    def _new_follower(
+        self, config: StabilizerConfig, frame: Image, xywh: XYWH, loss: LossDetector
+    ) -> tuple[Follower, PrefetchingCameraMotion | None]:
+        """A follower of the target in `xywh`, and a motion estimator; both start with `frame`."""
+        make = PredictiveFollower if config.stabilize == "predict" else StabilizedFollower
+        follower, camera = make(self._tracker, config, xywh, loss), _new_camera(config)
+        if camera is not None:
+            follower.advance(camera.update(frame))
+        return follower, camera
+
+
+def _check_config(config: StabilizerConfig) -> None:
+    if not isinstance(config, StabilizerConfig):
+        raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
+
+
+def _new_camera(config: StabilizerConfig) -> PrefetchingCameraMotion | None:
+    if config.stabilize == "off":
+        return None
+    return PrefetchingCameraMotion(CameraMotion(config.keypoints, config.fit, model="rigid"))
+
+
+def _raw_view(frame: Image, config: StabilizerConfig) -> FrameView:
+    return FrameView(frame, border=0 if config.stabilize == "off" else config.border)
+
+
+def _touching(xywh: XYWH, size_wh: tuple[int, int]) -> XYWH:
+    """The box, moved to touch the frame of (width, height) if it is outside of it."""
+    x, y, w, h = xywh
+    width, height = size_wh
+    return min(max(x, -w), float(width)), min(max(y, -h), float(height)), w, h

@@ -1,0 +1,127 @@
+"""Loss and re-detection by the running score, and the boxes that a hidden target can have."""
+
+import numpy as np
+import pytest
+
+from ssiam.motion import Motion
+from ssiam.trackers.lost import LossDetector, ReachableBox
+
+
+def after(*scores):
+    loss = LossDetector()
+    for score in scores:
+        loss.update(score)
+    return loss
+
+
+GOOD, BAD = [0.95] * 40, [0.0] * 40
+
+
+def test_single_low_scores_do_not_lose_the_target():
+    assert not after(0.0).lost
+    assert not after(*GOOD, 0.0).lost
+    loss = LossDetector()
+    for _ in range(20):
+        for score in (*GOOD, 0.0):
+            loss.update(score)
+            assert not loss.lost
+
+
+def test_consecutive_low_scores_lose_the_target_and_are_counted():
+    loss, lost, frames = LossDetector(), [], []
+    for score in (*GOOD, *BAD):
+        loss.update(score)
+        lost.append(loss.lost)
+        frames.append(loss.frames_lost)
+    first = lost.index(True)
+    assert first > len(GOOD)
+    assert all(lost[first:])
+    assert frames == [0] * first + list(range(len(lost) - first))
+
+
+def test_redetection_takes_several_high_scores():
+    assert after(*GOOD, *BAD, 0.95).lost
+    found = after(*GOOD, *BAD, *GOOD)
+    assert not found.lost
+    assert found.frames_lost == 0
+    lost_again = after(*GOOD, *BAD, *GOOD, *BAD)
+    assert lost_again.lost
+    assert lost_again.frames_lost < len(BAD)
+
+
+def test_hysteresis():
+    """There are scores that neither lose a tracked target nor re-detect a lost one."""
+    between = [
+        score
+        for score in np.linspace(0, 1, 101)
+        if not after(*[score] * 200).lost and after(*BAD, *[score] * 200).lost
+    ]
+    assert len(between) > 10
+    assert np.ptp(between) == pytest.approx((len(between) - 1) / 100)
+
+
+SIZE = (640, 480)
+BOX = (100.0, 80.0, 40.0, 40.0)
+STILL = Motion.none(SIZE, reliable=True)
+PAN = Motion.from_transform([[1, 0, 10], [0, 1, 0]], SIZE)
+
+
+def unseen(*motions):
+    """The reachable box of a target last seen in BOX, after frames reached by these motions."""
+    reachable = ReachableBox(BOX)
+    for motion in motions:
+        reachable.advance(motion)
+    return reachable
+
+
+def shifted(sizes, scale=1.0):
+    """BOX moved to the right by a number of its sizes, and scaled about its center."""
+    x, y, w, h = BOX
+    return x + sizes * w + (1 - scale) * w / 2, y + (1 - scale) * h / 2, scale * w, scale * h
+
+
+def test_a_visible_target_can_have_any_box():
+    assert unseen(STILL).contains(shifted(3, scale=2))
+
+
+def test_a_hidden_target_keeps_its_position_and_size():
+    reachable = unseen(STILL, STILL)
+    assert reachable.contains(BOX)
+    assert reachable.contains(shifted(0.6, scale=1.1))
+    assert not reachable.contains(shifted(1))
+    assert not reachable.contains(shifted(-1))
+    assert not reachable.contains(shifted(0, scale=1.5))
+    assert not reachable.contains(shifted(0, scale=1 / 1.5))
+
+
+def test_the_reach_grows_with_the_number_of_frames():
+    for sizes in (1, 1.5):
+        found = [unseen(*[STILL] * frames).contains(shifted(sizes)) for frames in range(2, 100)]
+        assert found == sorted(found)
+        assert 10 < found.index(True) < 80
+
+
+def test_the_position_counts_in_the_scene_and_in_the_frame():
+    reachable = unseen(*[PAN] * 10)  # by 2.5 target sizes
+    assert reachable.contains(shifted(2.5))
+    assert reachable.contains(shifted(0))
+    assert not reachable.contains(shifted(1.25))
+    assert not reachable.contains(shifted(-2.5))
+
+
+def test_after_a_cut_the_position_in_the_frame_counts():
+    reachable = unseen(STILL, *[Motion.none(SIZE)] * 10)
+    assert reachable.contains(BOX)
+    assert not reachable.contains(shifted(2))
+
+
+def test_only_a_reachable_observation_is_taken():
+    reachable = unseen(*[STILL] * 10)
+    reachable.observe(shifted(2))  # another object
+    reachable.advance(STILL)
+    assert not reachable.contains(shifted(2))
+    reachable.observe(shifted(0.5))
+    for _ in range(2):
+        reachable.advance(STILL)
+    assert reachable.contains(shifted(1))
+    assert not reachable.contains(shifted(-0.5))
