@@ -35,3 +35,19 @@ def test_openvino_telemetry_is_off():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[] []", done.stderr
+
+
+def test_reading_results_imports_no_tracker():
+    code = (
+        "import sys, types; from pathlib import Path\n"
+        "package = types.ModuleType('ssiam'); package.__path__ = [sys.argv[1]]\n"
+        "sys.modules['ssiam'] = package  # without its __init__, which imports everything\n"
+        "import ssiam.track, ssiam.video, ssiam.exchange, ssiam.datasets\n"
+        "heavy = ('ssiam.trackers', 'ssiam.runtime', 'ssiam.networks', 'openvino')\n"
+        "print(sorted(name for name in sys.modules if name.startswith(heavy)))\n"
+    )
+    source = str(ROOT / "src" / "ssiam")
+    done = subprocess.run(
+        [sys.executable, "-c", code, source], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]", done.stderr
