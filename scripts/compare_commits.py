@@ -95,7 +95,7 @@ def commands(shared: Path, out: Path) -> dict[str, list[list[str]]]:
         bench += ["--shake", "0,0.03"]
         experiment = {"vot": "baseline"}.get(protocol, protocol)
         found[f"bench-{protocol}"] = [bench]
-        if protocol != "realtime":
+        if protocol == "ope":  # the others need frame sizes, which OTB folders do not give
             found[f"bench-{protocol}"].append(
                 ["eval", folder, "--dataset", sequences, "--experiment", experiment, "--json"]
             )
