@@ -59,7 +59,7 @@ def test_another_frame_than_the_started_one_is_refused():
     camera = prefetching()
     camera.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="not the frame that was announced"):
+    with pytest.raises(ValueError, match="another frame was started as the next one"):
         camera.update(second.copy())
 
 
@@ -84,7 +84,7 @@ def test_after_a_refusal_frames_are_processed_one_by_one():
     camera = PrefetchingCameraMotion(slow)
     camera.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.update(third)
     camera.update(second)  # the started frame is still expected
     camera.update(third)
@@ -98,9 +98,9 @@ def test_a_refused_frame_does_not_change_the_state():
     for each in (camera, alone):
         each.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.update(third)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.start(third)
     with pytest.raises(ValueError, match="motion is"):
         camera.update(second, motion=[[1, 2], [3]])

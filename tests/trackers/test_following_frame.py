@@ -61,7 +61,7 @@ def test_another_frame_than_the_following_one_is_refused(frames):
     tracker = ssiam.load_tracker("kcf")
     tracker.init(frames[0], BOXES[0])
     tracker.update(frames[1], following=frames[2])
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         tracker.update(frames[3])
 
 
