@@ -3,7 +3,7 @@ import time
 import numpy as np
 import pytest
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import CameraMotion, FrameSizeError
 from ssiam.geometry import rigid
 from ssiam.motion import PrefetchingCameraMotion
@@ -15,7 +15,7 @@ BOX = (100.0, 80.0, 40.0, 40.0)
 def shaken(count=8):
     scene = world(size_wh=SIZE)
     path = poses(generator(3).normal(0, (6, 6, 0.01), (count, 3)), SIZE)
-    return [seen(scene, pose) for pose in path]
+    return [camera_frame(scene, pose) for pose in path]
 
 
 def prefetching(keypoints="direct"):
