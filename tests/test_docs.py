@@ -1,4 +1,4 @@
-"""Every code block of README and the documentation is run, or checked as far as it can be here."""
+"""Every code block of README and the documentation is run, or at least parsed."""
 
 import json
 import os
@@ -29,8 +29,8 @@ PAGES = [
 PAGES = [page for page in PAGES if page.exists()]
 CLIP = ROOT / "examples" / "shaky-walker.mp4"
 
-# What the program around an example has made already.
-AROUND = {
+# Code that the examples of a page assume to have run.
+SETUP = {
     "docs/how-to/exchange.md": """
 import ssiam
 from ssiam.video import open_source
@@ -44,7 +44,7 @@ import ssiam
 dx, dy, angle = 3.0, 4.0, 0.01
 """,
 }
-# Run by a test of their own, against a session.
+# Run by other tests, against a session.
 TESTED_ELSEWHERE = {"docs/how-to/mavlink.md"}
 # Pages whose commands all run on the example clip.
 RUNS = {"docs/tutorials/first-target.md"}
@@ -57,20 +57,20 @@ def blocks(page, *languages):
 
 
 def commands(page):
-    """The lines of a page's console blocks, comments and prompts left out."""
+    """The commands in a page's console blocks, as lists of words without comments."""
     text = "\n".join(blocks(page, "console")).replace("\\\n", " ")
     lines = [shlex.split(line, comments=True) for line in text.splitlines()]
     return [line for line in lines if line]
 
 
 def installed(code):
-    """Whether the packages that a block imports are here (supervision brings another OpenCV)."""
+    """Whether the imports of a block are installed (supervision brings another OpenCV)."""
     packages = re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE)
     return all(find_spec(package) for package in packages)
 
 
-def named(pages):
-    """Pages as parameters, with their path as the name of the test."""
+def page_params(pages):
+    """Pages as parameters, with their path as the test id."""
     return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in pages]
 
 
@@ -84,7 +84,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", named(PAGES))
+@pytest.mark.parametrize("page", page_params(PAGES))
 def test_every_block_is_of_a_kind_that_is_tested(page):
     for token in MarkdownIt().enable("table").parse(page.read_text(encoding="utf-8")):
         assert token.type != "code_block", f"indented: {token.content}"
@@ -92,13 +92,13 @@ def test_every_block_is_of_a_kind_that_is_tested(page):
             assert token.info in {"python", "console", "json", "toml", "xml", "text"}, token.content
 
 
-@pytest.mark.parametrize("page", named([page for page in PAGES if blocks(page, "python")]))
+@pytest.mark.parametrize("page", page_params([page for page in PAGES if blocks(page, "python")]))
 def test_python_runs(page, folder):
     name = str(page.relative_to(ROOT))
     if name in TESTED_ELSEWHERE:
         pytest.skip("tested with a session")
     parts = [part for part in blocks(page, "python") if installed(part)]
-    code = "\n".join([AROUND.get(name, ""), *parts])
+    code = "\n".join([SETUP.get(name, ""), *parts])
     paths = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -110,7 +110,7 @@ def test_python_runs(page, folder):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", named([page for page in PAGES if commands(page)]))
+@pytest.mark.parametrize("page", page_params([page for page in PAGES if commands(page)]))
 def test_commands_are_understood(page):
     for program, *arguments in commands(page):
         text = shlex.join([program, *arguments])
@@ -133,7 +133,7 @@ def test_commands_are_understood(page):
             assert program in {"sudo", "apt-get", "dpkg-deb", "pre-commit", "docker"}, text
 
 
-@pytest.mark.parametrize("page", named([ROOT / name for name in sorted(RUNS)]))
+@pytest.mark.parametrize("page", page_params([ROOT / name for name in sorted(RUNS)]))
 def test_commands_run(page, folder):
     for program, *arguments in commands(page):
         if program != "ssiam":
@@ -144,7 +144,7 @@ def test_commands_run(page, folder):
         assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", named(PAGES))
+@pytest.mark.parametrize("page", page_params(PAGES))
 def test_data_can_be_parsed(page):
     for text in blocks(page, "toml"):
         tomllib.loads(text)

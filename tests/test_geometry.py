@@ -13,15 +13,15 @@ sides = st.floats(1, 300)
 @given(shifts, shifts, angles, shifts, shifts, sides, sides)
 def test_a_box_is_mapped_back_by_the_inverse(dx, dy, angle, x, y, w, h):
     stab_from_raw = g.rigid(dx, dy, angle, (320, 180))
-    there = g.map_box(stab_from_raw, (x, y, w, h))
-    back = g.map_box(np.linalg.inv(stab_from_raw), there)
+    mapped = g.map_box(stab_from_raw, (x, y, w, h))
+    back = g.map_box(np.linalg.inv(stab_from_raw), mapped)
     assert back == pytest.approx((x, y, w, h), abs=1e-9)
 
 
 def test_a_box_is_mapped_back_by_the_inverse_homography():
-    there_from_here = np.array([[1.1, 0.05, 12], [-0.04, 0.95, -7], [2e-4, -1e-4, 1]])
+    cur_from_prev = np.array([[1.1, 0.05, 12], [-0.04, 0.95, -7], [2e-4, -1e-4, 1]])
     box = (100.0, 80.0, 40.0, 60.0)
-    back = g.map_box(np.linalg.inv(there_from_here), g.map_box(there_from_here, box))
+    back = g.map_box(np.linalg.inv(cur_from_prev), g.map_box(cur_from_prev, box))
     assert back == pytest.approx(box, abs=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""The table of scripts/mutants.py fits the code: see there for what it is for."""
+"""Each mutant in scripts/mutants.toml can be applied; scripts/mutants.py runs them."""
 
 import sys
 from pathlib import Path

@@ -34,10 +34,10 @@ def test_files_are_compared_by_identity(tmp_path):
 def test_files_that_do_not_exist_yet_are_compared(tmp_path):
     (tmp_path / "link.csv").symlink_to("new.csv")
     outputs = [("--out", tmp_path / "new.csv"), ("--results", tmp_path / "link.csv")]
-    with pytest.raises(ArgumentError, match=r"--out .* and --results .* are one file"):
+    with pytest.raises(ArgumentError, match=r"--out .* and --results .* are the same file"):
         check_distinct(outputs, [])
     same = tmp_path / "new.csv"
-    with pytest.raises(ArgumentError, match="are one file"):
+    with pytest.raises(ArgumentError, match="are the same file"):
         check_distinct([("--out", same), ("--results", same)], [])
 
 

@@ -13,8 +13,8 @@ import ssiam
 from ssiam.motion import KEYPOINTS, PrefetchingCameraMotion
 from ssiam.video import VideoSink, open_results, open_source
 
-ROOMS = "motion stabilize runtime networks trackers video exchange datasets training web"
-PACKAGES = ["ssiam", *(f"ssiam.{room}" for room in ROOMS.split(" "))]
+NAMES = "motion stabilize runtime networks trackers video exchange datasets training web"
+PACKAGES = ["ssiam", *(f"ssiam.{name}" for name in NAMES.split())]
 BOX = (53.2, 114.1, 26.5, 66.4)
 COPIES = [copy.copy, copy.deepcopy]
 
@@ -54,11 +54,11 @@ def values(track):
 
 @pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])
-@pytest.mark.parametrize("announced", [False, True])
-def test_a_tracker_and_its_copy_are_independent(frames, copied, stabilize, announced):
+@pytest.mark.parametrize("prefetched", [False, True])
+def test_a_tracker_and_its_copy_are_independent(frames, copied, stabilize, prefetched):
     tracker = ssiam.load_tracker(stabilize=stabilize)
     tracker.init(frames[0], BOX)
-    tracker.update(frames[1], following=frames[2] if announced else None)
+    tracker.update(frames[1], following=frames[2] if prefetched else None)
     twin = copied(tracker)
     expected = [values(tracker.update(frame)) for frame in frames[2:]]
     assert [values(twin.update(frame)) for frame in frames[2:]] == expected

@@ -1,4 +1,4 @@
-"""Base classes that define how stateful objects are copied and pickled, or refuse it."""
+"""Base classes that define whether and how objects are copied and pickled."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Self_ = TypeVar("Self_")
 
 
 class DeepCopied:
-    """For objects that change as they are used: `copy.copy` makes a deep copy.
+    """For objects with mutable state: `copy.copy` makes a deep copy.
 
-    A shallow copy would share a part of the state with the original.
+    A shallow copy would share some of the state with the original.
     """
 
     def __copy__(self: Self_) -> Self_:
@@ -21,7 +21,7 @@ class DeepCopied:
 
 
 class NotPicklable(DeepCopied):
-    """For objects that can be copied by `copy`, but not pickled.
+    """For objects that can be copied, but not pickled.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class NotPicklable(DeepCopied):
 
 
 class SharedOnCopy(NotPicklable):
-    """For objects without state: a copy is the object itself."""
+    """For objects without mutable state: a copy is the object itself."""
 
     def __copy__(self: Self_) -> Self_:
         return self

@@ -17,15 +17,15 @@ class ArgumentError(SsiamError, ValueError):
 
 
 class WeightsError(SsiamError):
-    """Weights that are missing, damaged or of another network."""
+    """Weights that are missing, damaged or for another network."""
 
 
 class SourceError(SsiamError):
-    """A video source that cannot be opened, or is of another type than its name says."""
+    """A video source that cannot be opened, or whose content does not fit its name."""
 
 
 class StreamError(SsiamError):
-    """A source that ended early after some frames; the frames before are valid."""
+    """A source that ended too early; the frames that it returned are valid."""
 
 
 class SinkError(SsiamError):
@@ -33,7 +33,7 @@ class SinkError(SsiamError):
 
 
 class FrameSizeError(SsiamError):
-    """A frame whose size differs from the frames before it."""
+    """A frame whose size differs from that of the previous frames."""
 
 
 class CopyError(SsiamError, TypeError):
@@ -53,13 +53,13 @@ class IncompleteError(SsiamError):
 
 
 class DatasetError(SsiamError):
-    """A dataset that is missing, damaged or of another layout; the text names file or folder."""
+    """A dataset that is missing, damaged or of another layout; the text names the path."""
 
 
 class UnknownSequenceError(DatasetError, KeyError):
     """A sequence name that a dataset does not have."""
 
-    __str__ = Exception.__str__  # that of KeyError adds quotes
+    __str__ = Exception.__str__  # KeyError.__str__ adds quotes
 
 
 class AnnotationsError(SsiamError):
@@ -70,7 +70,7 @@ Choice = TypeVar("Choice", bound=str)
 
 
 def one_line(error: BaseException) -> str:
-    """An error as one line for the user: the text of a `SsiamError`, else its type and text."""
+    """Format an error as one line: the text of a `SsiamError`, else type and text."""
     text = " ".join(str(error).split())
     if isinstance(error, SsiamError):
         return text
@@ -80,7 +80,7 @@ def one_line(error: BaseException) -> str:
 
 
 def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
-    """Return `value` if it is one of the `known` names; else raise an `ArgumentError` with them."""
+    """Return `value` if it is one of the `known` names; else raise an `ArgumentError`."""
     for name in known:
         if name == value:
             return name

@@ -22,9 +22,10 @@ from ssiam.errors import ArgumentError, FrameSizeError
 Transform: TypeAlias = NDArray[np.float64]
 Points: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]
+Mask: TypeAlias = NDArray[np.bool_]
 XYWH: TypeAlias = tuple[float, float, float, float]
 
-_MAX_BOX: Final = 2  # frame widths and heights
+_MAX_BOX: Final = 2  # frame widths, and frame heights
 _MAX_REPR: Final = 80  # characters of a value in a message
 
 IDENTITY: Transform = np.eye(3)
@@ -32,9 +33,9 @@ IDENTITY.flags.writeable = False
 
 
 def rigid(dx: float, dy: float, angle: float, center_xy: Sequence[float] = (0.0, 0.0)) -> Transform:
-    """Rotation by `angle` about `center_xy`, followed by the shift (dx, dy).
+    """Rotation (3, 3) by `angle` about `center_xy`, followed by the shift (dx, dy).
 
-    Eq. 7 of the paper with its sign misprint corrected. `dx`, `dy` in pixels, `angle` in radians.
+    Eq. 7 of the paper, with the misprinted sign corrected. Pixels and radians.
     """
     cos, sin = math.cos(angle), math.sin(angle)
     cx, cy = center_xy
@@ -52,9 +53,9 @@ def rigid_parameters(
 ) -> tuple[float, float, float]:
     """(dx, dy, angle) of a transform at `center_xy`: the inverse of `rigid`, eq. 4 of the paper.
 
-    The shift is that of the center. At the image origin, half a degree of roll would read as
-    several pixels of shift. Of an affine transform or homography, the angle is that of the nearest
-    similarity at the center.
+    The shift is that of the center; at the image origin, half a degree of roll would appear as
+    several pixels of shift. For an affine transform or a homography, the angle is that of the
+    nearest similarity at the center.
     """
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
     x, y = center_xy
@@ -70,7 +71,7 @@ def frame_center(size_wh: tuple[int, int]) -> tuple[float, float]:
 
 
 def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
-    """Points (N, 2) mapped by a transform, with homogeneous division; float64."""
+    """Map points (N, 2) by a transform, with homogeneous division; returns (N, 2) float64."""
     xy = np.asarray(points, dtype=np.float64)
     mapped = xy @ to_from_from[:2, :2].T + to_from_from[:2, 2]
     weight = xy @ to_from_from[2, :2] + to_from_from[2, 2]
@@ -78,17 +79,17 @@ def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
 
 
 def map_point(to_from_from: Transform, x: float, y: float) -> tuple[float, float]:
-    """One point mapped by a transform; ten times as fast as `map_points` for one point."""
+    """Map one point by a transform; ten times faster than `map_points`."""
     (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
     weight = g * x + h * y + i
     return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
 
 
 def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
-    """Upright box mapped by a transform: its center is mapped, its sides are scaled.
+    """Map an upright box by a transform: its center is mapped, its sides are scaled.
 
-    The scale is the transform's local zoom (1 for a rigid one), so that a transform and its inverse
-    return the same box; the bounding box of the rotated corners would grow at every step.
+    The scale is the transform's local zoom (1 for a rigid one), so that the inverse transform
+    restores the box; the bounding box of the rotated corners would grow at every step.
     """
     x, y, w, h = map(float, xywh)
     x, y = x + w / 2, y + h / 2
@@ -105,8 +106,8 @@ def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
     return math.sqrt(abs(determinant / (g * x + h * y + i) ** 3))
 
 
-def map_mask(to_from_from: Transform, mask: NDArray[np.bool_], size_wh: tuple[int, int]) -> Any:
-    """Mask (H, W) bool mapped to a frame of (width, height) pixels; nearest neighbor."""
+def map_mask(to_from_from: Transform, mask: Mask, size_wh: tuple[int, int]) -> Mask:
+    """Map a mask (H, W) bool to a frame of (width, height) pixels, by nearest neighbor."""
     pixels, nearest = mask.view(np.uint8), cv2.INTER_NEAREST
     if np.array_equal(to_from_from[2], IDENTITY[2]):
         return cv2.warpAffine(pixels, to_from_from[:2], size_wh, flags=nearest).astype(np.bool_)
@@ -141,7 +142,7 @@ def area_preserving_xywh(corners: ArrayLike) -> XYWH:
 
 
 def iou(xywh: ArrayLike, other: ArrayLike) -> Points:
-    """Intersection over union (...) of boxes (..., 4) by area; nan where a box is nan."""
+    """Intersection over union (...) of boxes x, y, w, h (..., 4); nan where a box has nan."""
     a, b = np.asarray(xywh, dtype=np.float64), np.asarray(other, dtype=np.float64)
     low = np.maximum(a[..., :2], b[..., :2])
     high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
@@ -155,8 +156,8 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     """Check a target box.
 
     It must be finite, at least one pixel wide and high, overlap the frame of `size_wh` = (width,
-    height) pixels, and be at most twice as wide and high as it: trackers need memory in proportion
-    to the box.
+    height) pixels, and be at most twice as wide and twice as high as the frame: the memory that
+    trackers need grows with the box.
 
     Returns
     -------
@@ -170,7 +171,9 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     values = xywh_floats(xywh)
     x, y, w, h = values
     if not np.isfinite(values).all():
-        raise ArgumentError(f"box {values} has a number that is not finite")
+        raise ArgumentError(
+            f"box {values} has a number that is not finite: give x, y, width, height in pixels"
+        )
     if w < 1 or h < 1:
         raise ArgumentError(
             f"box {values} is empty: width and height must be at least 1 pixel "
@@ -188,13 +191,13 @@ def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
 
 
 def xywh_floats(xywh: Any, name: str = "box") -> XYWH:
-    """x, y, width, height as floats.
+    """Convert x, y, width, height to floats.
 
     Raises
     ------
     ArgumentError
-        It is not a sequence of four numbers; the message calls it `name`. Text, sets and mappings
-        are refused too.
+        It is not a sequence of four numbers, or is text, a set or a mapping; the message calls it
+        `name`.
     """
     values: list[float] | None = None
     if not isinstance(xywh, str | bytes | Set | Mapping):
@@ -214,7 +217,7 @@ def xywh_floats(xywh: Any, name: str = "box") -> XYWH:
 
 
 def finite_array(values: Any) -> NDArray[np.float64] | None:
-    """Numbers as a float64 array; None if they are ragged, text or not all finite."""
+    """Convert numbers to a float64 array; None if they are ragged, text or not all finite."""
     try:
         plain = np.asarray(values)
         if plain.dtype.kind not in "biuf":
@@ -232,7 +235,7 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     ----------
     frame : (H, W, 3) uint8 BGR
     size_wh : (int, int), optional
-        Width and height of the frames before it, pixels.
+        Width and height of the previous frames, pixels.
 
     Returns
     -------
@@ -242,13 +245,14 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     Raises
     ------
     ArgumentError
-        It is not a non-empty (H, W, 3) uint8 array.
+        The frame is not a non-empty (H, W, 3) uint8 array.
     FrameSizeError
-        Its size is not `size_wh`.
+        The size of the frame is not `size_wh`.
     """
     if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
-        form = f"{frame.shape} {frame.dtype}" if isinstance(frame, np.ndarray) else type(frame)
-        raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {form}")
+        is_array = isinstance(frame, np.ndarray)
+        actual = f"{frame.shape} {frame.dtype}" if is_array else type(frame).__name__
+        raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {actual}")
     height, width, channels = frame.shape
     if channels != 3 or frame.size == 0:
         raise ArgumentError(
@@ -257,7 +261,7 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     if size_wh not in (None, (width, height)):
         raise FrameSizeError(
             f"frame of {width}x{height} pixels after frames of "
-            f"{size_wh[0]}x{size_wh[1]}: one stream needs one size"
+            f"{size_wh[0]}x{size_wh[1]}: all frames of a stream must have one size"
         )
     return width, height
 
@@ -269,6 +273,7 @@ def short_repr(value: Any) -> str:
 
 
 def _number(value: Any) -> float:
+    """A scalar as a float; `TypeError` for text and arrays."""
     if isinstance(value, str | bytes) or np.ndim(value) != 0:
         raise TypeError
     return float(value)

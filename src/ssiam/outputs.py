@@ -38,38 +38,40 @@ def check_distinct(outputs: Sequence[NamedPath], inputs: Iterable[NamedPath]) ->
     ArgumentError
         Two of them are the same file; the message names both.
     """
-    known: dict[_Identity, NamedPath] = {}
-    for what, given in inputs:
-        known.setdefault(_identity(given), (what, given))
+    read: dict[_Identity, NamedPath] = {}
+    for label, path in inputs:
+        read.setdefault(_identity(path), (label, path))
     written: dict[_Identity, NamedPath] = {}
-    for option, path in outputs:
+    for label, path in outputs:
         identity = _identity(path)
-        if identity in known:
-            what, given = known[identity]
-            kind = "folder" if given.is_dir() else "file"
-            raise ArgumentError(f"{option} {path} is the {kind} of {what} {given}; give another")
-        if identity in written:
-            other_option, other = written[identity]
+        if identity in read:
+            input_label, source = read[identity]
+            kind = "folder" if source.is_dir() else "file"
             raise ArgumentError(
-                f"{other_option} {other} and {option} {path} are one file; give each its own"
+                f"{label} {path} is the {kind} of {input_label} {source}; give another {kind}"
             )
-        written[identity] = option, path
+        if identity in written:
+            other_label, other = written[identity]
+            raise ArgumentError(
+                f"{other_label} {other} and {label} {path} are the same file; give two files"
+            )
+        written[identity] = label, path
 
 
 def _identity(path: Path) -> _Identity:
-    """A value that is equal for paths of the same file or folder only."""
+    """A value that is equal only for paths of the same file or folder."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:  # it does not exist: compare the targets of symbolic links
         return (os.path.realpath(path),)
-    is_device = not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode))
-    return (object(),) if is_device else (found.st_dev, found.st_ino)
+    is_device = not (S_ISREG(status.st_mode) or S_ISDIR(status.st_mode))
+    return (object(),) if is_device else (status.st_dev, status.st_ino)
 
 
 def check_output(path: Path, *, overwrite: bool = True) -> None:
-    """Check that a file can be written; does not change it.
+    """Check that a file can be written, without changing it.
 
-    Folders are not created, so that a misspelled one is reported before the work.
+    Its folder must exist: a misspelled one is reported, not created.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
                 )
             if not os.access(path, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        _reserved(Path(os.path.realpath(path)), hidden=True).unlink()
+        _new_part(Path(os.path.realpath(path)), hidden=True).unlink()
     except OSError as error:
         raise output_error(path, error) from error
 
@@ -104,17 +106,17 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
 def is_stream(path: Path) -> bool:
     """Whether `path` is a pipe, a device or this program's standard output or error."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return False
-    if S_ISREG(found.st_mode):
-        return any(_is_descriptor(found, number) for number in _STANDARD_STREAMS)
-    return not S_ISDIR(found.st_mode)
+    if S_ISREG(status.st_mode):
+        return any(_is_descriptor(status, descriptor) for descriptor in _STANDARD_STREAMS)
+    return not S_ISDIR(status.st_mode)
 
 
-def _is_descriptor(found: os.stat_result, number: int) -> bool:
+def _is_descriptor(status: os.stat_result, descriptor: int) -> bool:
     try:
-        return os.path.samestat(found, os.fstat(number))
+        return os.path.samestat(status, os.fstat(descriptor))
     except OSError:  # closed
         return False
 
@@ -122,7 +124,7 @@ def _is_descriptor(found: os.stat_result, number: int) -> bool:
 def output_error(path: Path, error: Exception, part: Path | None = None) -> SinkError:
     """The `SinkError` for a failure of the operating system or of FFmpeg.
 
-    The only place that words this error: "FILE: cannot be written (reason)".
+    All errors of this kind have the form "FILE: cannot be written (reason)".
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def output_error(path: Path, error: Exception, part: Path | None = None) -> Sink
         The output.
     error : Exception
     part : Path, optional
-        The file that has the content written before the failure.
+        The file with the content that was written before the failure.
     """
     reason = getattr(error, "strerror", None) or str(error)
     rest = "" if part is None else f"; what was written is in {part}"
@@ -154,9 +156,10 @@ def make_folder(path: Path) -> None:
 class PartFile:
     """The file ``NAME.part.EXT`` to which an output is written until it is complete.
 
-    `finish` then renames it. Part files of other runs are not changed: the new one is then called
-    ``NAME.part-2.EXT``. The part file is beside the file that is replaced, also if the output is a
-    symbolic link. Pipes, devices and standard output have no part file and are written directly.
+    `finish` then renames it. Part files of other runs are not changed: if there is one, the new one
+    is called ``NAME.part-2.EXT``. The part file is in the folder of the file that is replaced, even
+    if the output is a symbolic link. Pipes, devices and standard output have no part file and are
+    written directly.
 
     Parameters
     ----------
@@ -165,13 +168,14 @@ class PartFile:
     overwrite : bool
         Whether `finish` may replace an existing file.
     hidden : bool
-        Call it ``.NAME.EXT.part``, for folders in which other programs search files by suffix.
+        Call it ``.NAME.EXT.part``, for folders in which other programs look for files by suffix.
 
     Attributes
     ----------
     path : Path
+        The output.
     file : Path
-        The file to write: an existing, empty file, or the pipe or device itself.
+        The file to write: a new, empty file, or the pipe or device itself.
 
     Raises
     ------
@@ -183,17 +187,17 @@ class PartFile:
         check_output(path, overwrite=overwrite)
         self.path = path
         self._overwrite = overwrite
-        # None if there is no file to rename, or not any more
+        # The file that `finish` replaces; None for a stream, and after `finish` or `discard`
         self._target = None if is_stream(path) else Path(os.path.realpath(path))
         try:
-            self.file = path if self._target is None else _reserved(self._target, hidden=hidden)
+            self.file = path if self._target is None else _new_part(self._target, hidden=hidden)
         except OSError as error:
             raise output_error(path, error) from error
         self._discarded = False
 
     @property
     def location(self) -> Path | None:
-        """The file that has the content now: the output, the part file, or None if discarded."""
+        """The file with the content: the part file, the output, or None after `discard`."""
         if self._discarded:
             return None
         if self._target is None:
@@ -206,7 +210,7 @@ class PartFile:
         Raises
         ------
         OSError
-            That is not possible; the part file and an older output are kept.
+            It cannot be renamed; the part file and an older output are kept.
         """
         if self._target is None:
             return
@@ -237,11 +241,11 @@ class PartFile:
 
 
 class ClosedOnExit(ABC):
-    """A context manager that closes itself on exit, also after Ctrl-C or an exception."""
+    """A context manager that closes itself on exit, even after Ctrl-C or an exception."""
 
     @abstractmethod
     def close(self) -> None:
-        """Finish the output; `SinkError` if that fails. May be called twice."""
+        """Finish the output; raises `SinkError` if that fails. May be called twice."""
 
     def __enter__(self: Sink) -> Sink:
         return self
@@ -255,13 +259,13 @@ class ClosedOnExit(ABC):
         if exc_type is None:
             self.close()
             return
-        # The first exception is more informative than the errors that it causes.
+        # The exception is more informative than the errors that it causes.
         with suppress(SinkError):
             self.close()
 
 
 def leftover_parts(path: Path) -> list[Path]:
-    """Part files of the output `path`, left by runs that were killed or are still running."""
+    """Part files of the output `path` from runs that were killed or are still running."""
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
     try:
@@ -310,8 +314,8 @@ def atomic_write(
         raise
 
 
-def _reserved(target: Path, *, hidden: bool) -> Path:
-    """A new, empty file beside `target`, under the first unused name."""
+def _new_part(target: Path, *, hidden: bool) -> Path:
+    """Create an empty part file next to `target`, under the first unused name."""
     for number in count(1):
         word = "part" if number == 1 else f"part-{number}"
         name = f".{target.name}.{word}" if hidden else f"{target.stem}.{word}{target.suffix}"

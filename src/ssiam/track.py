@@ -35,7 +35,7 @@ class Track:
     stab_from_raw : (3, 3) float64 or None
         Stabilization of this frame, M_t of eq. 7; None with ``stabilize="off"``.
     evidence : tuple of float
-        The numbers from which the score was computed; they differ between trackers.
+        The numbers from which the score was computed; each tracker has different ones.
     """
 
     box: XYWH
@@ -48,7 +48,7 @@ class Track:
     evidence: tuple[float, ...] = ()
 
     def mapped(self, to_from_from: Transform, size_wh: tuple[int, int]) -> Track:
-        """The same target in another frame of (width, height) pixels (eq. 9)."""
+        """Map box, corners and mask to a frame of `size_wh` = (width, height) pixels (eq. 9)."""
         return replace(
             self,
             box=map_box(to_from_from, self.box),

@@ -102,12 +102,12 @@ def test_tables_of_a_shake_folder(dataset, benched, tmp_path, capsys):
 
 WRONG = {
     "no number": (["--shake", "3%"], "--shake '3%': give shares"),
-    "percent": (["--shake", "3"], "strength of shake 3.0: give a share"),
+    "percent": (["--shake", "3"], "strength of shake is 3.0: give a share"),
     "nothing": (["--shake", ","], "--shake ','"),
     "unknown kind": (["--shake", "0.03", "--shake-kind", "sway"], "unknown kind of shake 'sway'"),
     "no strength": (["--shake-kind", "gusts"], "give --shake too"),
     "no seeds": (["--shake", "0.03", "--shake-seeds", "0"], "--shake-seeds 0"),
-    "long exposure": (["--shake", "0.03", "--shake-exposure", "2"], "exposure of shake 2"),
+    "long exposure": (["--shake", "0.03", "--shake-exposure", "2"], "exposure of shake is 2"),
 }
 
 

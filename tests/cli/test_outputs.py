@@ -77,7 +77,7 @@ INPUTS = [
     (
         "two outputs",
         ("track", "clip.mp4", *TRACK, "--out", "dangling.mp4", "--results", "new.csv"),
-        "--out dangling.mp4 and --results new.csv are one file",
+        "--out dangling.mp4 and --results new.csv are the same file",
     ),
     (
         "export over the video",

@@ -42,7 +42,7 @@ def test_uav123(tmp_path):
 
 
 def test_uav123_versions(tmp_path):
-    write_uav123(tmp_path, "bird1_2", "bird1", range(1, 600), boxes(235), part="UAV123_10fps")
+    write_uav123(tmp_path, "bird1_2", "bird1", range(1, 600), boxes(235), version="UAV123_10fps")
     write_uav123(tmp_path, "car1", "car1", range(1, 31), boxes(30))
     (tmp_path / "anno" / "UAV20L").mkdir()
     (tmp_path / "anno" / "UAV20L" / "car1.txt").write_text(text(boxes(30)))

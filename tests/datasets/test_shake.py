@@ -109,12 +109,12 @@ def test_a_shake_is_a_value():
 
 INVALID = [
     # name, fields, message
-    ("percent", {"strength": 3}, "strength of shake 3: give a share from 0 to 1"),
-    ("negative", {"strength": -0.01}, "strength of shake -0.01"),
-    ("nan", {"strength": float("nan")}, "strength of shake nan"),
-    ("long exposure", {"strength": 0, "exposure": 1.5}, "exposure of shake 1.5"),
-    ("negative readout", {"strength": 0, "readout": -1}, "readout of shake -1"),
-    ("negative seed", {"strength": 0, "seed": -1}, "seed of shake -1"),
+    ("percent", {"strength": 3}, "strength of shake is 3: give a share from 0 to 1"),
+    ("negative", {"strength": -0.01}, "strength of shake is -0.01"),
+    ("nan", {"strength": float("nan")}, "strength of shake is nan"),
+    ("long exposure", {"strength": 0, "exposure": 1.5}, "exposure of shake is 1.5"),
+    ("negative readout", {"strength": 0, "readout": -1}, "readout of shake is -1"),
+    ("negative seed", {"strength": 0, "seed": -1}, "seed of shake is -1"),
     ("unknown kind", {"strength": 0, "kind": "sway"}, "unknown kind of shake 'sway'"),
     ("unknown border", {"strength": 0, "border": "black"}, "unknown border of shake 'black'"),
 ]

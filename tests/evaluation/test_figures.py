@@ -6,7 +6,7 @@ import pytest
 
 from helpers.benched import bench, write_run, write_vot_year
 from helpers.shaky_dataset import write_dataset
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import MissingExtraError
 from ssiam.evaluation.paper.figures import camera_path, figures
@@ -43,7 +43,7 @@ def test_the_camera_path_of_a_known_motion(tmp_path):
     size = (320, 240)
     shifts = generator(5).normal(0, (3, 2, 0.004), (20, 3)).cumsum(axis=0)
     for index, pose in enumerate(poses(shifts, size)):
-        cv2.imwrite(str(tmp_path / f"{index:02}.png"), seen(world(1, size), pose))
+        cv2.imwrite(str(tmp_path / f"{index:02}.png"), camera_frame(world(1, size), pose))
     images = tuple(sorted(tmp_path.glob("*.png")))
     path, smooth, known = camera_path(VideoSequence("s", images, np.full((20, 4), np.nan)), PAPER)
     assert known.all()

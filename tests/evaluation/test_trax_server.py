@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.geometry import map_box
 
 trax = pytest.importorskip("trax")
@@ -54,7 +54,7 @@ def frames(tmp_path_factory):
     paths = []
     for index, pose in enumerate(frame_from_world):
         paths.append(folder / f"{index}.png")
-        cv2.imwrite(str(paths[-1]), seen(scene, pose))
+        cv2.imwrite(str(paths[-1]), camera_frame(scene, pose))
     start = np.linalg.inv(frame_from_world[0])
     return paths, [map_box(pose @ start, BOX) for pose in frame_from_world]
 

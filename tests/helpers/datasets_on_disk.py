@@ -72,10 +72,10 @@ def write_vot(root, name, count=3, *, toolkit=False, polygon=False, tags=None):
     return folder
 
 
-def write_uav123(root, name, video, numbers, rows, part="UAV123"):
-    write_images(root / "data_seq" / part / video, numbers, 6)
-    (root / "anno" / part).mkdir(parents=True, exist_ok=True)
-    (root / "anno" / part / f"{name}.txt").write_text(text(rows))
+def write_uav123(root, name, video, numbers, rows, version="UAV123"):
+    write_images(root / "data_seq" / version / video, numbers, 6)
+    (root / "anno" / version).mkdir(parents=True, exist_ok=True)
+    (root / "anno" / version / f"{name}.txt").write_text(text(rows))
 
 
 def write_got10k(root, split, number, count=3, *, rows=None):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import ssiam
-from helpers.synthetic import poses, seen, world
+from helpers.synthetic import camera_frame, poses, world
 from ssiam.video import Frame
 from ssiam.web.events import Listeners
 from ssiam.web.feeds.base import Feed
@@ -43,7 +43,7 @@ class EndlessFeed(Feed):
         """Deliver frames of another size from now on."""
         background = world(1, size)
         shifts = [(3 * np.sin(k), 2 * np.cos(k), 0.0) for k in range(6)]
-        self._images = [seen(background, pose) for pose in poses(shifts, size)]
+        self._images = [camera_frame(background, pose) for pose in poses(shifts, size)]
 
     def _deliver(self):
         while not self._closed:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
 
@@ -22,7 +22,7 @@ def shaky_frames(count, *, seed=3, start=(60, 90), step=(1.2, 0.3), hidden=range
         scene = background.copy()
         if index not in hidden:
             scene[y : y + PATCH[1], x : x + PATCH[0]] = patch
-        frames.append(seen(scene, pose))
+        frames.append(camera_frame(scene, pose))
         boxes.append(map_box(pose, (x, y, *PATCH)))
     return frames, boxes
 

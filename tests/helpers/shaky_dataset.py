@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 
 SIZE = (160, 120)  # width, height
 TARGET = (28, 22)  # width, height
@@ -29,7 +29,7 @@ def write_sequence(folder, seed, frames):
         x, y = 20 + 2 * index, 40 + index
         if index == frames // 2:
             x, y = 100, 5  # a jump that most trackers do not survive
-        frame = seen(background, pose)
+        frame = camera_frame(background, pose)
         frame[y : y + TARGET[1], x : x + TARGET[0]] = patch
         cv2.imwrite(str(images / f"{index + 1:04d}.jpg"), frame)
         lines.append(f"{x + 1},{y + 1},{TARGET[0]},{TARGET[1]}\n")

@@ -52,8 +52,8 @@ def world(seed=0, size_wh=(640, 360)):
     return np.clip(cv2.GaussianBlur(image, (0, 0), 0.8), 0, 255).astype(np.uint8)
 
 
-def seen(scene, frame_from_world):
-    """The frame of a camera with the size of the scene image, which is mirrored at its borders."""
+def camera_frame(scene, frame_from_world):
+    """The frame of a camera before a scene image of its size, mirrored at the borders."""
     height, width = scene.shape[:2]
     return cv2.warpAffine(
         scene, frame_from_world[:2], (width, height), borderMode=cv2.BORDER_REFLECT_101

@@ -8,7 +8,7 @@ from fractions import Fraction
 import av
 import numpy as np
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
 
@@ -23,7 +23,7 @@ def write_clip(path, count=COUNT, fps=Fraction(30000, 1001)):
     image = world(size_wh=SIZE)
     with VideoSink(path, fps) as sink:
         for pose in frame_from_world:
-            sink.write(seen(image, pose))
+            sink.write(camera_frame(image, pose))
     start = np.linalg.inv(frame_from_world[0])
     return [map_box(pose @ start, BOX) for pose in frame_from_world]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.geometry import map_box
 from ssiam.video import VideoSink
 
@@ -39,7 +39,7 @@ def write_shaking_clip(path, count, hidden=range(0)):
             scene = background.copy()
             if index not in hidden:
                 paste(scene, walker, position)
-            sink.write(seen(scene, pose))
+            sink.write(camera_frame(scene, pose))
             boxes["walker"].append(map_box(pose, (*position, *WALKER)))
             boxes["stander"].append(map_box(pose, (*_STANDER_AT, *STANDER)))
     return boxes

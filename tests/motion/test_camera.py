@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import CameraMotion, FrameSizeError, Motion
 from ssiam.geometry import map_points, rigid
 
@@ -19,7 +19,7 @@ def shaken(count=6, seed=3, shift=8.0, angle=0.01):
     r = generator(seed)
     steps = r.normal(0, (shift, shift, angle), (count, 3))
     frame_from_world = poses(steps, SIZE)
-    frames = [seen(world(), pose) for pose in frame_from_world]
+    frames = [camera_frame(world(), pose) for pose in frame_from_world]
     pairs = zip(frame_from_world[1:], frame_from_world[:-1], strict=True)
     return frames, [np.eye(3)] + [cur @ np.linalg.inv(prev) for cur, prev in pairs]
 

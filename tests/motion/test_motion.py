@@ -38,7 +38,7 @@ def test_points_of_the_scene_follow_a_rotation():
     rotation, _ = cv2.Rodrigues(np.array([0.03, -0.05, 0.08]))
     camera = np.array([[600, 0, 319.5], [0, 600, 179.5], [0, 0, 1]])
     points = np.array([[0.2, -0.1, 1.0], [-0.4, 0.2, 1.0], [0.3, 0.15, 1.0]])
-    prev, cur = ((camera @ seen.T).T for seen in (points, points @ rotation.T))
+    prev, cur = ((camera @ xyz.T).T for xyz in (points, points @ rotation.T))
     motion = Motion.from_rotation(rotation, 600, SIZE)
     found = map_points(motion.cur_from_prev, prev[:, :2] / prev[:, 2:])
     np.testing.assert_allclose(found, cur[:, :2] / cur[:, 2:], atol=1e-9)

@@ -3,7 +3,7 @@ import time
 import numpy as np
 import pytest
 
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import CameraMotion, FrameSizeError
 from ssiam.geometry import rigid
 from ssiam.motion import PrefetchingCameraMotion
@@ -15,7 +15,7 @@ BOX = (100.0, 80.0, 40.0, 40.0)
 def shaken(count=8):
     scene = world(size_wh=SIZE)
     path = poses(generator(3).normal(0, (6, 6, 0.01), (count, 3)), SIZE)
-    return [seen(scene, pose) for pose in path]
+    return [camera_frame(scene, pose) for pose in path]
 
 
 def prefetching(keypoints="direct"):
@@ -59,7 +59,7 @@ def test_another_frame_than_the_started_one_is_refused():
     camera = prefetching()
     camera.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="not the frame that was announced"):
+    with pytest.raises(ValueError, match="another frame was started as the next one"):
         camera.update(second.copy())
 
 
@@ -84,7 +84,7 @@ def test_after_a_refusal_frames_are_processed_one_by_one():
     camera = PrefetchingCameraMotion(slow)
     camera.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.update(third)
     camera.update(second)  # the started frame is still expected
     camera.update(third)
@@ -98,9 +98,9 @@ def test_a_refused_frame_does_not_change_the_state():
     for each in (camera, alone):
         each.update(first)
     camera.start(second)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.update(third)
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         camera.start(third)
     with pytest.raises(ValueError, match="motion is"):
         camera.update(second, motion=[[1, 2], [3]])

@@ -39,7 +39,7 @@ def test_invalid_options_are_named(values, message):
 )
 def test_invalid_arguments_are_named(values, message):
     with pytest.raises(ValueError, match=message):
-        StabilizerConfig().with_options(**values)
+        StabilizerConfig(**values)
 
 
 def test_options_are_the_flat_settings_in_the_order_of_labels():

@@ -95,12 +95,12 @@ PARTS = [
 ]
 
 
-@pytest.mark.parametrize("around", PARTS)
+@pytest.mark.parametrize("part_xywh", PARTS)
 @pytest.mark.parametrize("border", [0, 20])
-def test_a_partial_render_is_black_around_the_part(around, border):
+def test_a_partial_render_is_black_around_the_part(part_xywh, border):
     view = FrameView(np.maximum(world(), 1), STAB_FROM_RAW, border)
-    whole, part = view.render(), view.render(around)
-    x, y, w, h = around
+    whole, part = view.render(), view.render(part_xywh)
+    x, y, w, h = part_xywh
     rows, columns = (np.arange(n) - border for n in whole.shape[:2])  # stabilized pixels
     inside = np.outer((y <= rows) & (rows < y + h), (x <= columns) & (columns < x + w))
     # One more pixel on each side may be rendered.
@@ -112,12 +112,12 @@ def test_a_partial_render_is_black_around_the_part(around, border):
     assert not part[~near].any()
 
 
-@pytest.mark.parametrize("around", PARTS)
-def test_a_raw_view_is_rendered_whole(around):
+@pytest.mark.parametrize("part_xywh", PARTS)
+def test_a_raw_view_is_rendered_whole(part_xywh):
     frame = world()
-    assert FrameView(frame).render(around) is frame
+    assert FrameView(frame).render(part_xywh) is frame
     view = FrameView(frame, border=20)
-    np.testing.assert_array_equal(view.render(around), view.render())
+    np.testing.assert_array_equal(view.render(part_xywh), view.render())
 
 
 def test_the_frame_is_not_changed():

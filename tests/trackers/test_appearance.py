@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.synthetic import seen, world
+from helpers.synthetic import camera_frame, world
 from ssiam import FrameView
 from ssiam.geometry import frame_center, map_box, rigid
 from ssiam.trackers.confidence import AppearanceModel
@@ -28,7 +28,7 @@ def difference(box, other):
 @pytest.mark.parametrize("stab_from_raw", [np.eye(3), VIEW], ids=["raw", "stabilized"])
 def test_similarity_is_1_on_the_target_and_low_elsewhere(box, stab_from_raw):
     appearance = AppearanceModel(FrameView(world()), box)
-    view = FrameView(seen(world(), np.linalg.inv(stab_from_raw)), stab_from_raw)
+    view = FrameView(camera_frame(world(), np.linalg.inv(stab_from_raw)), stab_from_raw)
     similarity = appearance.similarity(view, box)
     assert min(similarity) > (0.999 if np.array_equal(stab_from_raw, np.eye(3)) else 0.8)
     elsewhere = [(80, 60), (500, 60), (80, 260), (500, 260)]
@@ -58,7 +58,7 @@ def test_the_target_is_found_within_the_reach(box, reach, direction):
     columns, rows = appearance._grid_wh
     size = np.sqrt(box[2] * box[3])
     dx, dy = (0.95 * reach * size * d for d in direction)
-    found = appearance.find(FrameView(seen(world(), rigid(dx, dy, 0))), box, reach)
+    found = appearance.find(FrameView(camera_frame(world(), rigid(dx, dy, 0))), box, reach)
     error = difference(found, (box[0] + dx, box[1] + dy, *box[2:]))
     assert error[0] < box[2] / columns
     assert error[1] < box[3] / rows
@@ -67,7 +67,7 @@ def test_the_target_is_found_within_the_reach(box, reach, direction):
 
 def test_boxes_are_in_the_views_pixels():
     appearance = AppearanceModel(FrameView(world()), BOX)
-    raw = seen(world(), rigid(30, 20, 0))
+    raw = camera_frame(world(), rigid(30, 20, 0))
     view = FrameView(raw, rigid(-41, 14, 0.0))
     found = appearance.find(view, BOX, 1.5)
     assert difference(found, (289, 184, 48, 48)).max() < 3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import Motion
 from ssiam.geometry import rigid
 from ssiam.track import Track
@@ -19,7 +19,7 @@ METHODS = ["predict", "paper", "off"]
 def frames():
     scene = world(size_wh=SIZE)
     path = poses(generator(2).normal(0, (5, 3, 0.01), (14, 3)), SIZE)
-    return [seen(scene, pose) for pose in path]
+    return [camera_frame(scene, pose) for pose in path]
 
 
 def content(track):
@@ -61,7 +61,7 @@ def test_another_frame_than_the_following_one_is_refused(frames):
     tracker = ssiam.load_tracker("kcf")
     tracker.init(frames[0], BOXES[0])
     tracker.update(frames[1], following=frames[2])
-    with pytest.raises(ValueError, match="announced"):
+    with pytest.raises(ValueError, match="another frame was started"):
         tracker.update(frames[3])
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import Motion
 from ssiam.geometry import map_box, map_points
 from ssiam.track import Track
@@ -39,7 +39,7 @@ class StillTracker:
 def shaken(count=40, seed=2, strength=(5, 3, 0.01)):
     frame_from_world = poses(generator(seed).normal(0, strength, (count, 3)), SIZE)
     scene = world()
-    return [seen(scene, pose) for pose in frame_from_world], frame_from_world
+    return [camera_frame(scene, pose) for pose in frame_from_world], frame_from_world
 
 
 @pytest.mark.parametrize("stabilize", ["predict", "paper"])

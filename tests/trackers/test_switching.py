@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.synthetic import generator, poses, seen, world
+from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import StabilizerConfig
 from ssiam.geometry import iou, map_box
 from ssiam.track import Track
@@ -43,7 +43,7 @@ class RecordingTracker:
 def shaken():
     path = poses(generator(4).normal(0, (5, 3, 0.01), (30, 3)), SIZE)
     scene = world(size_wh=SIZE)
-    return [seen(scene, pose) for pose in path], path
+    return [camera_frame(scene, pose) for pose in path], path
 
 
 def overlap(a, b):

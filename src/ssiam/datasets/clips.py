@@ -22,27 +22,26 @@ EXPECTS = "images with one .txt of boxes, or videos with a .txt of the same name
 
 _VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mpg", ".mpeg", ".ts")
 _BOX_SUFFIX = ".txt"
-# Other text files beside images.
-_NOT_BOXES = ("list", "readme", "license")
+_NOT_BOXES = ("list", "readme", "license")  # other text files next to images
 _ORIGIN = 0
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
     """The videos in `folder` that have boxes; if there are none, the folder's images as a clip."""
     videos = (path for path in sorted(folder.iterdir()) if is_video(path))
-    found = {
-        path.stem: partial(read_clip, path, beside, options.as_published)
-        for path, beside in ((path, path.with_suffix(_BOX_SUFFIX)) for path in videos)
-        if beside.is_file()
+    readers = {
+        path.stem: partial(read_clip, path, boxes, options.as_published)
+        for path, boxes in ((path, path.with_suffix(_BOX_SUFFIX)) for path in videos)
+        if boxes.is_file()
     }
-    boxes = None if found else _box_file(folder)
-    if boxes is not None:
-        found[folder.name] = partial(read_clip, folder, boxes, options.as_published)
-    return found
+    image_boxes = None if readers else _box_file(folder)
+    if image_boxes is not None:
+        readers[folder.name] = partial(read_clip, folder, image_boxes, options.as_published)
+    return readers
 
 
 def sequence_of_video(path: Path, options: Options) -> Readers:
-    """The clip of a single video; `DatasetError` if there is no box file beside it."""
+    """The clip of a single video; raises `DatasetError` if it has no box file."""
     boxes = path.with_suffix(_BOX_SUFFIX)
     if not boxes.is_file():
         raise DatasetError(f"{path}: has no box file; write x,y,width,height into {boxes.name}")
@@ -57,8 +56,16 @@ def is_video(path: Path) -> bool:
 def read_clip(frames: Path, boxes: Path, as_published: bool = False) -> VideoSequence:
     """The sequence of a video or folder of images, with boxes for its first or for every frame.
 
-    Boxes without area become nan unless `as_published`. A video with a single box is decoded once,
-    to count its frames.
+    A video with a single box is decoded once, to count its frames.
+
+    Parameters
+    ----------
+    frames : Path
+        A video, or a folder of images.
+    boxes : Path
+        The box file; see `read_boxes`.
+    as_published : bool
+        Keep boxes without area; by default they become nan.
 
     Raises
     ------
@@ -84,7 +91,7 @@ def _count(video: Path) -> int:
 
 
 def _box_file(folder: Path) -> Path | None:
-    """The box file of a folder of images: beside it with its name, or the only one in it."""
+    """The box file of a folder of images: next to it with its name, or the only one in it."""
     if not any(path.suffix.lower() in IMAGE_SUFFIXES for path in image_folder(folder).iterdir()):
         return None
     beside = folder.parent / f"{folder.name}{_BOX_SUFFIX}"

@@ -24,7 +24,7 @@ class Options:
     split : str or None
         Part of the dataset ("test", "otb50", "uav20l"); None for all sequences in the folder.
     as_published : bool
-        Return boxes as in the file, including 1-based ones and those without area.
+        Do not convert boxes: keep 1-based boxes and those without area.
     """
 
     split: str | None = None
@@ -34,7 +34,7 @@ class Options:
 class LazySequences(Mapping[str, VideoSequence]):
     """Sequences by name, read at every lookup, so that none stays in memory.
 
-    For clips with several targets, Jogging-1, Jogging.1 and Jogging_1 are the same name.
+    The last number of a name may be separated by "-", "." or "_": Jogging-1, Jogging.1, Jogging_1.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class LazySequences(Mapping[str, VideoSequence]):
     def __getitem__(self, name: str) -> VideoSequence:
         exact = name if name in self._readers else self._by_spelling.get(_spelling(name))
         if exact is None:
-            raise UnknownSequenceError(self._unknown(name))
+            raise UnknownSequenceError(self._unknown_message(name))
         with dataset_errors():
             return self._readers[exact]()
 
@@ -66,7 +66,7 @@ class LazySequences(Mapping[str, VideoSequence]):
             name in self._readers or _spelling(name) in self._by_spelling
         )
 
-    def _unknown(self, name: str) -> str:
+    def _unknown_message(self, name: str) -> str:
         near = difflib.get_close_matches(name, self._readers, n=3) or list(self._readers)[:3]
         return f"no sequence {name!r} in this dataset; did you mean {' or '.join(near)}?"
 
@@ -84,7 +84,7 @@ class Dataset:
     kind : str
         One of `ssiam.datasets.KINDS`: the layout.
     sequences : mapping of str to VideoSequence
-        Each is read when it is looked up; listing the names reads nothing.
+        By name. Each is read when it is looked up; listing the names reads nothing.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Dataset:
 
 @contextmanager
 def dataset_errors() -> Iterator[None]:
-    """Turn an `OSError` (no permission, a loop of links) into a `DatasetError` of one line."""
+    """Turn an `OSError` (no permission, a loop of links) into a one-line `DatasetError`."""
     try:
         yield
     except OSError as error:
@@ -105,4 +105,5 @@ def dataset_errors() -> Iterator[None]:
 
 
 def _spelling(name: str) -> str:
+    """A name with "-" before its last number, where some tools write "." or "_"."""
     return re.sub(r"[._](?=\d+$)", "-", name)

@@ -1,6 +1,6 @@
 """DTB70: NAME/img/00001.jpg and NAME/groundtruth_rect.txt, or NAME.txt in a single sequence.
 
-The authors do not state the origin of the pixel coordinates; toolkits do not change the boxes, and
+The authors do not state whether boxes are 0-based or 1-based. Toolkits do not change them, and
 neither does this reader.
 """
 
@@ -16,8 +16,7 @@ from ssiam.datasets.files import named_like
 EXPECTS = "groundtruth_rect.txt and img/00001.jpg in each sequence's folder"
 
 _TRUTH = "groundtruth_rect.txt"
-# The only sequence of OTB whose image names have five digits too.
-_NOT_DTB70 = "Board"
+_NOT_DTB70 = "Board"  # the only sequence of OTB whose image names have five digits
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:

@@ -1,4 +1,4 @@
-"""Files and folders of a dataset. Their content is not trusted: sizes and paths are limited."""
+"""Files and folders of a dataset. Their content is not trusted: sizes and paths are checked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from ssiam.errors import DatasetError
 from ssiam.video.images import image_paths
 
-# Bytes. The longest sequences in use have 30,000 frames and need less than half of it.
+# Bytes. The longest sequences in use, with 30,000 frames, need less than half.
 _MAX_TEXT = 2 * 1024 * 1024
 _MAX_NAME = 255  # characters of a file name, the limit of file systems
 
@@ -39,7 +39,7 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     Raises
     ------
     DatasetError
-        It leads out of the folder; the message names the file `source` that has it.
+        It leads out of the folder; the message names the file `source` that contains it.
     """
     parts = PurePosixPath(name.replace("\\", "/")).parts
     leads_out = not parts or ".." in parts or parts[0] == "/" or ":" in parts[0] or "\0" in name
@@ -49,7 +49,13 @@ def inside(folder: Path, name: str, source: Path) -> Path:
 
 
 def subfolders(folder: Path) -> list[Path]:
-    """Folders in `folder`: those that its list.txt names, in that order, else all, sorted."""
+    """Folders in `folder`: those in its list.txt, in that order, or all of them, sorted.
+
+    Raises
+    ------
+    DatasetError
+        list.txt is empty, or names a folder that is missing or outside of `folder`.
+    """
     listed = folder / _LIST
     if not listed.is_file():
         return sorted(path for path in folder.iterdir() if _is_readable(path))
@@ -83,13 +89,13 @@ def images_in(folder: Path) -> tuple[Path, ...]:
 
 
 def numbered(images: tuple[Path, ...]) -> dict[int, Path]:
-    """Images by number (00042.jpg: 42); those with other names are left out."""
-    plain = (path for path in images if path.stem.isascii() and path.stem.isdigit())
-    return {int(path.stem): path for path in plain}
+    """Images by number (00042.jpg: 42), without those that have other names."""
+    with_number = (path for path in images if path.stem.isascii() and path.stem.isdigit())
+    return {int(path.stem): path for path in with_number}
 
 
 def named_like(folder: Path) -> Path | None:
-    """The box file named like the end of its folder: bike1.txt in uav123_bike1."""
+    """The box file with the name, or the end of the name, of its folder: uav123_bike1/bike1.txt."""
     found = (
         path
         for path in sorted(folder.glob("*.txt"))
@@ -104,7 +110,7 @@ def check_counts(
     """Raise `DatasetError` unless there is a box for every frame, or one if `one_is_enough`."""
     if frames != boxes and not (one_is_enough and boxes == 1):
         raise DatasetError(
-            f"{where}: {frames} images but {boxes} boxes; one of them is incomplete, get it again"
+            f"{where}: {frames} images but {boxes} boxes; the dataset is incomplete, get it again"
         )
 
 

@@ -1,7 +1,7 @@
 """GOT-10k: train/, val/ and test/, each with list.txt and folders of 00000001.jpg and labels.
 
 The authors call the boxes 1-based, but many begin at 0, and their toolkit and all trackers use
-them unchanged, as this reader does. Test sequences only have their first box.
+them unchanged, as this reader does. Test sequences have only their first box.
 """
 
 from __future__ import annotations
@@ -22,24 +22,29 @@ SPLITS = ("train", "val", "test")
 
 _ORIGIN = 0
 _TRUTH = "groundtruth.txt"
-_MARKS = ("meta_info.ini", "absence.label", "cover.label")
+_FILES = ("meta_info.ini", "absence.label", "cover.label")
 _NAME = "GOT-10k_"
 _FLAGS = ("absence", "cut_by_image")
-# Steps of cover.label, from hidden (0) to fully visible (8).
-_FULLY_VISIBLE = 8
+_FULLY_VISIBLE = 8  # in cover.label, where 0 is hidden
 
 
 def sequences_in(folder: Path, options: Options) -> Readers:
     """The sequence in `folder`, if it has this layout and is in the requested split."""
     if not (folder / _TRUTH).is_file() or options.split not in (None, folder.resolve().parent.name):
         return {}
-    if not folder.name.startswith(_NAME) and not any((folder / mark).is_file() for mark in _MARKS):
+    if not folder.name.startswith(_NAME) and not any((folder / name).is_file() for name in _FILES):
         return {}
     return {folder.name: partial(read_got10k, folder, options.as_published)}
 
 
 def read_got10k(folder: Path, as_published: bool = False) -> VideoSequence:
-    """One sequence; `DatasetError` if a file is missing or damaged."""
+    """One sequence, with nan for boxes without area unless `as_published`.
+
+    Raises
+    ------
+    DatasetError
+        A file is missing or damaged.
+    """
     frames, boxes = images_in(folder), read_xywh(folder / _TRUTH)
     check_counts(folder, len(frames), len(boxes), one_is_enough=True)
     return VideoSequence(

@@ -15,6 +15,8 @@ from ssiam.errors import DatasetError
 from ssiam.geometry import corners_from_xywh
 
 _SEPARATORS = re.compile(r"[\s,;]+")
+_LABEL_SEPARATORS = re.compile(r"[\s,]+")
+_LABEL = re.compile(r"\d{1,4}")
 _MAX_SHOWN = 40  # characters of an invalid line in a message
 
 
@@ -32,7 +34,7 @@ def read_boxes(path: Path) -> NDArray[np.float64]:
 
 
 def parse_boxes(text: str, source: Path) -> NDArray[np.float64]:
-    """As `read_boxes`, from the text of the file `source`."""
+    """As `read_boxes`, for the text of the file `source`."""
     rows = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip():
@@ -45,7 +47,13 @@ def parse_boxes(text: str, source: Path) -> NDArray[np.float64]:
 
 
 def stack_rows(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray[np.float64]:
-    """Rows of 4 or 8 numbers as one array; if both occur, boxes become corners."""
+    """Rows of 4 or 8 numbers as one array (N, 4) or (N, 8); if both occur, boxes become corners.
+
+    Raises
+    ------
+    DatasetError
+        There are no rows; the message names `source`.
+    """
     rows = list(rows)
     if not rows:
         raise DatasetError(f"{source}: has no boxes; get it again")
@@ -55,14 +63,14 @@ def stack_rows(rows: Iterable[tuple[float, ...]], source: Path | str) -> NDArray
 
 
 def to_zero_based(xywh: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
-    """Boxes (N, 4) whose pixels count from `origin`, as 0-based boxes.
+    """Convert boxes (N, 4) whose pixels count from `origin` (0 or 1) to 0-based boxes.
 
     Boxes without area, which mean an absent target in OTB, GOT-10k and LaSOT, become nan.
     """
-    moved = xywh - (origin, origin, 0, 0)
+    zero_based = xywh - (origin, origin, 0, 0)
     with np.errstate(invalid="ignore"):
-        moved[~(xywh[:, 2:] > 0).all(axis=1)] = np.nan
-    return moved
+        zero_based[~(xywh[:, 2:] > 0).all(axis=1)] = np.nan
+    return zero_based
 
 
 def read_xywh(path: Path) -> NDArray[np.float64]:
@@ -85,10 +93,6 @@ def _corners(row: tuple[float, ...]) -> tuple[float, ...]:
     return row if len(row) == 8 else tuple(corners_from_xywh(row).ravel())
 
 
-_LABEL_SEPARATORS = re.compile(r"[\s,]+")
-_LEVEL = re.compile(r"\d{1,4}")
-
-
 def read_labels(path: Path, count: int, *, may_be_short: bool = False) -> NDArray[np.int64]:
     """The labels (count,) of a file, separated by line breaks, commas or spaces.
 
@@ -98,7 +102,7 @@ def read_labels(path: Path, count: int, *, may_be_short: bool = False) -> NDArra
     count : int
         Number of frames.
     may_be_short : bool
-        Labels missing at the end are 0, as in VOT.
+        Whether labels may be missing at the end, as in VOT; they are 0.
 
     Raises
     ------
@@ -106,14 +110,14 @@ def read_labels(path: Path, count: int, *, may_be_short: bool = False) -> NDArra
         The file is missing, has other values than small whole numbers, or a wrong number of them.
     """
     words = [word for word in _LABEL_SEPARATORS.split(read_text(path)) if word]
-    bad = next((word for word in words if not _LEVEL.fullmatch(word)), None)
+    bad = next((word for word in words if not _LABEL.fullmatch(word)), None)
     if bad is not None:
-        raise DatasetError(f"{path}: has {bad[:40]!r}; expected 0 or 1 for each frame")
+        raise DatasetError(f"{path}: has {bad[:_MAX_SHOWN]!r}; expected 0 or 1 for each frame")
     if len(words) > count or (len(words) < count and not may_be_short):
         raise DatasetError(f"{path}: has {len(words)} labels for {count} frames; get it again")
-    levels = np.zeros(count, dtype=np.int64)
-    levels[: len(words)] = [int(word) for word in words]
-    return levels
+    labels = np.zeros(count, dtype=np.int64)
+    labels[: len(words)] = [int(word) for word in words]
+    return labels
 
 
 def read_flags(path: Path, count: int, *, may_be_short: bool = False) -> NDArray[np.bool_]:

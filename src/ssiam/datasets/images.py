@@ -16,7 +16,7 @@ from ssiam.video.levels import Levels, find_levels, to_8bit
 def read_image(path: Path, levels: Levels | None = None) -> Image:
     """An image file as (H, W, 3) uint8 BGR.
 
-    Values of more than 8 bits are scaled by `levels`, by default those of the image itself.
+    Images of more than 8 bits are scaled by `levels`, by default those of the image itself.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def read_image(path: Path, levels: Levels | None = None) -> Image:
 
 
 def image_levels(path: Path) -> Levels | None:
-    """The levels of a sequence that begins with this image; None if it has 8 bits."""
+    """The `Levels` of a sequence that begins with this image; None if it has 8 bits."""
     return find_levels([read_deep(path)])
 
 

@@ -1,6 +1,6 @@
 """LaSOT: CLASS/CLASS-1/img/00000001.jpg, groundtruth.txt, full_occlusion.txt, out_of_view.txt.
 
-Boxes in the files are 1-based, as their author confirms; boxes of an invisible target have no
+Boxes in the files are 1-based, as their author confirms. Boxes of an invisible target have no
 area.
 """
 

@@ -37,14 +37,14 @@ from ssiam.errors import DatasetError
 
 EXPECTS = "gt/gt.txt and img1/ in each clip's folder"
 
-VISIBLE: Final = 0.1  # share of an object below which it counts as hidden
+MIN_VISIBILITY: Final = 0.1  # visible share of an object below which it counts as hidden
 
 _TRUTH: Final = "gt/gt.txt"
 _INFO: Final = "seqinfo.ini"
 _IMAGES: Final = "img1"
 _ORIGIN: Final = 1
 _MAX_DEPTH: Final = 2  # folders between the dataset and its clips: MOT17/train/MOT17-02-FRCNN
-_MAX_BYTES: Final = 64 * 1024 * 1024  # the largest file of MOT20 has 30 million
+_MAX_BYTES: Final = 64 * 1024 * 1024  # of gt.txt; the largest of MOT20 has 30 million
 _MIN_COLUMNS, _MAX_COLUMNS = 6, 10
 _FLAG, _CLASS, _VISIBILITY = 6, 7, 8  # columns, from 0
 # Moving classes of MOT16, MOT17 and MOT20: pedestrian, person on a vehicle, car, bicycle,
@@ -52,7 +52,7 @@ _FLAG, _CLASS, _VISIBILITY = 6, 7, 8  # columns, from 0
 # reflections and crowds.
 _MOVING: Final = (1, 2, 3, 4, 5, 6)
 _NO_CLASS: Final = -1
-_MAX_NUMBER: Final = 10_000_000  # of a frame or an id; larger numbers are damage
+_MAX_NUMBER: Final = 10_000_000  # of a frame or an id; larger numbers mean that the file is damaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +75,15 @@ class MotObject:
 
     @property
     def span(self) -> tuple[int, int]:
-        """First and last frame with a box."""
+        """Indices of the first and the last frame with a box."""
         return int(self.frames[0]), int(self.frames[-1])
 
     def boxes(self, first: int, count: int) -> NDArray[np.float64]:
         """Boxes (count, 4) of the frames from `first` on, nan in frames without a box."""
-        found = np.full((count, 4), np.nan)
-        taken = (self.frames >= first) & (self.frames < first + count)
-        found[self.frames[taken] - first] = self.xywh[taken]
-        return found
+        boxes = np.full((count, 4), np.nan)
+        in_range = (self.frames >= first) & (self.frames < first + count)
+        boxes[self.frames[in_range] - first] = self.xywh[in_range]
+        return boxes
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,18 +165,17 @@ def clip_folders(folder: Path) -> list[Path]:
 
 
 def read_clip(
-    folder: Path, *, as_published: bool = False, least_visible: float = VISIBLE
+    folder: Path, *, as_published: bool = False, min_visibility: float = MIN_VISIBILITY
 ) -> MotClip:
-    """The clip in a folder; no image is opened.
+    """Read the ground truth of the clip in a folder; no image is opened.
 
     Parameters
     ----------
     folder : Path
     as_published : bool
         Return 1-based boxes.
-    least_visible : float
-        Smallest visible share 0..1; boxes with a smaller one, and those without area, are left
-        out.
+    min_visibility : float
+        0..1: boxes with a smaller visible share, and those without area, are left out.
 
     Raises
     ------
@@ -185,17 +184,19 @@ def read_clip(
     """
     path = folder / _TRUTH
     rows = _rows(path)
-    rows = rows[_is_target(rows) & (_visibility(rows) >= least_visible)]
+    rows = rows[_is_target(rows) & (_visibility(rows) >= min_visibility)]
     xywh = rows[:, 2:6] if as_published else to_zero_based(rows[:, 2:6], _ORIGIN)
     has_area = (rows[:, 4:6] > 0).all(axis=1)
     objects = []
     for number in np.unique(rows[has_area, 1]):
         indices = np.flatnonzero(has_area & (rows[:, 1] == number))
         indices = indices[np.argsort(rows[indices, 0])]
-        twice = np.flatnonzero(np.diff(rows[indices, 0]) == 0)
-        if len(twice):
-            frame = rows[indices[twice[0]], 0]
-            raise DatasetError(f"{path}: frame {frame:g} has two boxes of the id {number:g}")
+        duplicates = np.flatnonzero(np.diff(rows[indices, 0]) == 0)
+        if len(duplicates):
+            frame = rows[indices[duplicates[0]], 0]
+            raise DatasetError(
+                f"{path}: frame {frame:g} has two boxes of the id {number:g}; remove one"
+            )
         frames = rows[indices, 0].astype(np.int64) - _ORIGIN
         objects.append(MotObject(int(number), frames, xywh[indices]))
     info = _info(folder / _INFO)
@@ -231,9 +232,9 @@ def _rows(path: Path) -> NDArray[np.float64]:
             f"{path}: has {rows.shape[1]} columns; expected {_MIN_COLUMNS} to {_MAX_COLUMNS}, "
             "frame,id,x,y,w,h,flag,class,visibility"
         )
-    counts = rows[:, :2]
-    valid = np.isfinite(rows[:, :6]).all(axis=1) & (abs(counts) <= _MAX_NUMBER).all(axis=1)
-    valid &= (counts == np.round(counts)).all(axis=1) & (rows[:, 0] >= _ORIGIN)
+    frame_and_id = rows[:, :2]
+    valid = np.isfinite(rows[:, :6]).all(axis=1) & (abs(frame_and_id) <= _MAX_NUMBER).all(axis=1)
+    valid &= (frame_and_id == np.round(frame_and_id)).all(axis=1) & (rows[:, 0] >= _ORIGIN)
     if not valid.all():
         number = int(np.flatnonzero(~valid)[0])
         shown = ",".join(f"{value:g}" for value in rows[number, :6])
@@ -245,13 +246,13 @@ def _rows(path: Path) -> NDArray[np.float64]:
 
 
 def _is_target(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Rows (N,) of evaluated objects of moving classes."""
-    kept = np.ones(len(rows), dtype=np.bool_)
+    """Whether each row (N,) is an evaluated object of a moving class."""
+    is_target = np.ones(len(rows), dtype=np.bool_)
     if rows.shape[1] > _FLAG:
-        kept &= rows[:, _FLAG] != 0
+        is_target &= rows[:, _FLAG] != 0
     if _CLASS < rows.shape[1] < _MAX_COLUMNS:
-        kept &= np.isin(rows[:, _CLASS], (*_MOVING, _NO_CLASS))
-    return kept
+        is_target &= np.isin(rows[:, _CLASS], (*_MOVING, _NO_CLASS))
+    return is_target
 
 
 def _visibility(rows: NDArray[np.float64]) -> NDArray[np.float64]:

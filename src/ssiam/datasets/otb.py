@@ -44,13 +44,11 @@ OTB50: frozenset[str] = frozenset((
 ))
 # fmt: on
 
-
 EXPECTS = "groundtruth_rect.txt and img/ in each sequence's folder"
 SPLITS = ("otb50", "otb100")
 
 _ORIGIN = 1
-# Bytes: a line break, the only content of Human4's first file.
-_EMPTY_FILE = 2
+_EMPTY_FILE = 2  # bytes: the first file of Human4 has only a line break
 _TRUTH = re.compile(r"groundtruth_rect(?:\.?(\d))?\.txt")
 # Copies of a folder for one of its two targets: Jogging-1, Jogging.2.
 _ONE_OF_TWO = re.compile(r"(.+)[-._](\d)")
@@ -89,21 +87,21 @@ def read_otb(folder: Path, truth_path: Path, as_published: bool = False) -> Vide
 
 def _name(folder: Path, truth_path: Path) -> str | None:
     """Name of the sequence; None if the file has no boxes or is for another copy of the folder."""
-    form = _TRUTH.fullmatch(truth_path.name)
-    if form is None or truth_path.stat().st_size <= _EMPTY_FILE:
+    match = _TRUTH.fullmatch(truth_path.name)
+    if match is None or truth_path.stat().st_size <= _EMPTY_FILE:
         return None
-    if form[1] is None:
+    if match[1] is None:
         return folder.name
     copied = _ONE_OF_TWO.fullmatch(folder.name)
     if copied is None:
-        return f"{folder.name}-{form[1]}"
-    return f"{copied[1]}-{form[1]}" if copied[2] == form[1] else None
+        return f"{folder.name}-{match[1]}"
+    return f"{copied[1]}-{match[1]}" if copied[2] == match[1] else None
 
 
 def _evaluated(
     folder: Path, images: tuple[Path, ...], boxes: NDArray[np.float64]
 ) -> tuple[tuple[Path, ...], NDArray[np.float64]]:
-    """Images and boxes of the frames that the benchmark uses; all if some of those are missing."""
+    """Images and boxes of the frames that the benchmark uses; all if an image is missing."""
     if folder.name not in RANGES:
         return images, boxes
     first, last = RANGES[folder.name]

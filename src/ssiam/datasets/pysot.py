@@ -1,6 +1,6 @@
 """pysot's JSON files (VOT2018.json, ...): all boxes and tags of a dataset in one file.
 
-The images are searched beside the file and in a folder of its name. They may be missing: raw
+The images are searched for next to the file, and in a folder of its name. They may be missing: raw
 results are scored without them.
 """
 
@@ -23,15 +23,14 @@ from ssiam.errors import DatasetError
 
 EXPECTS = "a .json with img_names and gt_rect of each sequence"
 
-# Bytes. VOT2018.json has 2.3 million; decoded, a JSON file needs up to thirty times its size.
+# Bytes. VOT2018.json has 2.3 million; a decoded JSON file needs up to thirty times its size.
 _MAX_BYTES = 16 * 1024 * 1024
-_NEEDED = ("img_names", "gt_rect")
+_REQUIRED = ("img_names", "gt_rect")
 _MAX_PIXEL = 1e9  # integers in JSON may exceed the range of floats
-# Characters of a sequence's name, and tags of one sequence: pysot's files stay below.
-_MAX_NAME = 100
-_MAX_TAGS = 50
-# Lists with one entry per frame that are not tags.
-_NOT_TAGS = (*_NEEDED, "init_rect")
+_MAX_NAME = 100  # characters of the name of a sequence
+_MAX_TAGS = 50  # of one sequence
+# Lists that are not tags
+_NOT_TAGS = (*_REQUIRED, "init_rect")
 
 _Record = Mapping[str, Any]
 
@@ -51,7 +50,7 @@ def sequences_in_file(path: Path) -> Readers:
     if not isinstance(records, dict) or not records or not all(map(_is_record, records.values())):
         raise DatasetError(f"{path}: expected {EXPECTS}; get one of pysot's files")
     for name in records:
-        # Result files are named after the sequences.
+        # The name becomes the name of result files.
         if len(name) > _MAX_NAME or not name.isprintable() or Path(name).name != name:
             raise DatasetError(
                 f"{path}: {name[:40]!r} is not a valid name of a sequence; rename it"
@@ -60,7 +59,7 @@ def sequences_in_file(path: Path) -> Readers:
 
 
 def _is_record(record: object) -> bool:
-    return isinstance(record, dict) and all(isinstance(record.get(key), list) for key in _NEEDED)
+    return isinstance(record, dict) and all(isinstance(record.get(key), list) for key in _REQUIRED)
 
 
 def _sequence(path: Path, name: str, record: _Record) -> VideoSequence:
@@ -74,7 +73,7 @@ def _sequence(path: Path, name: str, record: _Record) -> VideoSequence:
 
 
 def _images(path: Path, record: _Record) -> tuple[Path, ...]:
-    """Paths under the first of the usual folders that has the sequence."""
+    """Paths in the first of the usual folders that has the sequence."""
     names = [str(name) for name in record["img_names"]]
     folders = (path.parent, path.parent / path.stem)
     found = (folder for folder in folders if names and inside(folder, names[0], path).is_file())

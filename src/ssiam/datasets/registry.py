@@ -75,14 +75,14 @@ def open_dataset(
         Folder of a dataset, of one sequence, or of sequences of several layouts; one of pysot's
         JSON files; or a video with a box file beside it.
     kind : str, optional
-        One of `KINDS`: only this layout is tried. "folder" is for mixed layouts.
+        One of `KINDS`: only this layout is accepted. "folder" accepts a mixture of layouts.
     split : str, optional
         "otb50", "otb100"; "uav123", "uav20l", "uav123_10fps"; "train", "val", "test" of GOT-10k;
         "train", "test" of LaSOT. By default all sequences; of UAV123 folders those at 30 frames
         per second.
     as_published : bool
-        Return the boxes as in the files. By default those of OTB and LaSOT, which are 1-based,
-        become 0-based, and boxes without area become nan.
+        Return the boxes as in the files. By default those of OTB, LaSOT and MOTChallenge, which are
+        1-based, become 0-based, and boxes without area become nan.
 
     Returns
     -------
@@ -90,6 +90,8 @@ def open_dataset(
 
     Raises
     ------
+    ArgumentError
+        `kind` is not one of `KINDS`.
     DatasetError
         There is no dataset of the expected layout; the message says what was expected and found.
     """
@@ -97,9 +99,9 @@ def open_dataset(
         check_choice("kind of dataset", kind, KINDS)
     path = Path(path)
     with dataset_errors():
-        found, readers = _find(path, kind, Options(split, as_published))
+        found_kind, readers = _find(path, kind, Options(split, as_published))
         name = path.resolve().stem if path.is_file() else path.resolve().name
-    return Dataset(name, found, LazySequences(readers))
+    return Dataset(name, found_kind, LazySequences(readers))
 
 
 def _find(path: Path, kind: str | None, options: Options) -> tuple[str, Readers]:
@@ -108,34 +110,34 @@ def _find(path: Path, kind: str | None, options: Options) -> tuple[str, Readers]
     if not path.is_file():
         raise DatasetError(f"{path}: there is no such folder or file; check the path")
     if path.suffix.lower() == ".json" and kind in (None, _JSON):
-        found, readers = _JSON, pysot.sequences_in_file(path)
+        found_kind, readers = _JSON, pysot.sequences_in_file(path)
     elif clips.is_video(path) and kind in (None, "clip"):
-        found, readers = "clip", clips.sequence_of_video(path, options)
+        found_kind, readers = "clip", clips.sequence_of_video(path, options)
     else:
         raise DatasetError(f"{path}: is a file; expected {_expected(kind)}")
-    _check_split(path, found, options.split)
-    return found, readers
+    _check_split(path, found_kind, options.split)
+    return found_kind, readers
 
 
 def _find_in_folder(path: Path, kind: str | None, options: Options) -> tuple[str, Readers]:
     kinds = tuple(LAYOUTS) if kind in (None, _MIXED) else (kind,) if kind in LAYOUTS else ()
     all_splits = Options(None, options.as_published)
-    kinds_found, readers = _search(path, kinds, all_splits)
+    found_kinds, readers = _search(path, kinds, all_splits)
     if not readers and kind in (None, _JSON):
-        kinds_found, readers = _json_in(path)
+        found_kinds, readers = _json_in(path)
     if not readers:
         raise DatasetError(f"{path}: expected {_expected(kind)}; found {_content(path)}")
-    found = kinds_found.pop() if len(kinds_found) == 1 and kind != _MIXED else _MIXED
-    _check_split(path, found, options.split)
+    found_kind = found_kinds.pop() if len(found_kinds) == 1 and kind != _MIXED else _MIXED
+    _check_split(path, found_kind, options.split)
     if options.split is not None:
-        readers = _search(path, (found,), options)[1]
+        readers = _search(path, (found_kind,), options)[1]
     if not readers:
         raise DatasetError(f"{path}: has no sequence of the split {options.split!r}")
-    return found, readers
+    return found_kind, readers
 
 
 def _search(folder: Path, kinds: Iterable[str], options: Options) -> tuple[set[str], Readers]:
-    """The sequences in `folder`, or else in its subfolders, or else in those of them.
+    """The sequences in `folder`, else in its subfolders, else in the subfolders of those.
 
     Returns
     -------
@@ -152,9 +154,9 @@ def _search(folder: Path, kinds: Iterable[str], options: Options) -> tuple[set[s
     kinds = tuple(kinds)
     folders = [folder]
     for depth in range(_MAX_DEPTH + 1):
-        found, readers = _in_folders(folders, kinds, options)
-        if found:
-            return found, readers
+        found_kinds, readers = _in_folders(folders, kinds, options)
+        if found_kinds:
+            return found_kinds, readers
         if depth < _MAX_DEPTH:
             folders = [inner for outer in folders for inner in subfolders(outer)]
     return set(), {}
@@ -163,20 +165,21 @@ def _search(folder: Path, kinds: Iterable[str], options: Options) -> tuple[set[s
 def _in_folders(
     folders: Iterable[Path], kinds: tuple[str, ...], options: Options
 ) -> tuple[set[str], Readers]:
-    found: Counter[str] = Counter()
+    found_kinds: set[str] = set()
     readers: dict[str, Callable[[], VideoSequence]] = {}
     for folder in folders:
         kind, inner = _first_match(folder, kinds, options)
-        # OTB often has copies Jogging-1 and -2 beside Jogging; they are the same sequences.
+        # OTB often has the copies Jogging-1 and Jogging-2 of Jogging, with the same sequences.
         duplicates = sorted(set(inner) & set(readers)) if kind != "otb" else []
         if duplicates:
             raise DatasetError(
-                f"{folder}: a second sequence is called {duplicates[0]!r}; rename one"
+                f"{folder}: a second sequence is called {duplicates[0]!r}; rename one of them"
             )
-        found[kind] += len(inner)
+        if inner:
+            found_kinds.add(kind)
         for name, reader in inner.items():
             readers.setdefault(name, reader)
-    return set(+found), readers
+    return found_kinds, readers
 
 
 def _first_match(folder: Path, kinds: tuple[str, ...], options: Options) -> tuple[str, Readers]:
@@ -188,7 +191,7 @@ def _first_match(folder: Path, kinds: tuple[str, ...], options: Options) -> tupl
 
 
 def _json_in(folder: Path) -> tuple[set[str], Readers]:
-    """The sequences of the JSON file with the folder's name, or of the only one in it."""
+    """The sequences of the JSON file with the name of the folder, or of the only one in it."""
     files = sorted(folder.glob("*.json"))
     named = [path for path in files if path.stem == folder.name] or files
     return ({_JSON}, pysot.sequences_in_file(named[0])) if len(named) == 1 else (set(), {})

@@ -28,7 +28,7 @@ class VideoSequence:
     name : str
     frames : tuple of Path, or Path
         The image of every frame, in order; or one video file, which has the frames from `first`
-        on. Images may be missing if only the ground truth is there (`ssiam.datasets.pysot`).
+        on. Images may be missing if only the ground truth is needed (`ssiam.datasets.pysot`).
     truth : (N, 4) or (N, 8) float64
         Ground truth: x, y, w, h, or the corners x1, y1, ... x4, y4; 0-based pixels, nan if
         unknown. N may be smaller than the number of frames (1 in the test set of GOT-10k).
@@ -76,7 +76,7 @@ class VideoSequence:
             yield from self._decoded(self.frames, start)
 
     def _read(self, paths: tuple[Path, ...], start: int) -> Iterator[Image]:
-        """Images from index `start` on; deep ones are scaled by levels of the first frames."""
+        """Images from index `start` on; more than 8 bits are scaled by the first frames' levels."""
         levels: Levels | None = None
         for path in paths[start:]:
             image = read_deep(path)
@@ -103,7 +103,7 @@ class VideoSequence:
             )
 
     def box(self, index: int) -> XYWH:
-        """Upright box of the target in a frame; for a polygon, that of its center and area."""
+        """Upright box x, y, w, h in a frame; for a polygon, the box with its center and area."""
         row = self.truth[index]
         if len(row) == 4:
             x, y, w, h = row.tolist()

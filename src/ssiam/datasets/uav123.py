@@ -22,12 +22,11 @@ from ssiam.errors import DatasetError
 EXPECTS = "anno/UAV123/NAME.txt and data_seq/UAV123/NAME/000001.jpg"
 SPLITS = ("uav123", "uav20l", "uav123_10fps")
 
-# The authors do not state the origin of the pixel coordinates; toolkits do not change the boxes.
+# The authors do not state whether boxes are 0-based or 1-based; toolkits do not change them.
 _ORIGIN = 0
-_FOLDERS = {"uav123": "UAV123", "uav20l": "UAV20L", "uav123_10fps": "UAV123_10fps"}
+_VERSIONS = {"uav123": "UAV123", "uav20l": "UAV20L", "uav123_10fps": "UAV123_10fps"}
 _TEN_FPS = "UAV123_10fps"
-# At 10 frames per second every third image is used, from the first on.
-_TEN_FPS_STEP = 3
+_TEN_FPS_STEP = 3  # every third image of 30 frames per second, from the first on
 _NAME_DIGITS = 6
 # In the order of the files anno/UAV123/att/NAME.txt.
 _ATTRIBUTES = (
@@ -49,42 +48,42 @@ _ATTRIBUTES = (
 def sequences_in(folder: Path, options: Options) -> Readers:
     """The sequences of the whole dataset in `folder`, or the single sequence that it is."""
     if (folder / "anno").is_dir() and (folder / "data_seq").is_dir():
-        part = _part(folder, options.split)
-        truths = sorted(_version_folder(folder / "anno", part).glob("*.txt"))
-        return {path.stem: partial(_of_video, folder, part, path, options) for path in truths}
+        version = _version(folder, options.split)
+        truths = sorted(_version_folder(folder / "anno", version).glob("*.txt"))
+        return {path.stem: partial(_of_video, folder, version, path, options) for path in truths}
     truth_path = named_like(folder)
     if truth_path is None or not any(folder.glob("[0-9]" * _NAME_DIGITS + ".*")):
         return {}
     return {folder.name: partial(read_clip, folder, truth_path, options.as_published)}
 
 
-def _part(folder: Path, split: str | None) -> str:
+def _version(folder: Path, split: str | None) -> str:
     """The folder name of the requested version, else of the first one that exists."""
     if split is not None:
-        return _FOLDERS[split]
-    found = (name for name in _FOLDERS.values() if (folder / "anno" / name).is_dir())
+        return _VERSIONS[split]
+    found = (name for name in _VERSIONS.values() if (folder / "anno" / name).is_dir())
     fallback = _TEN_FPS if "10fps" in folder.name else "UAV123"
     return next(found, fallback)
 
 
-def _version_folder(folder: Path, part: str) -> Path:
+def _version_folder(folder: Path, version: str) -> Path:
     """The folder of a version; a version downloaded alone is in `folder` itself."""
-    return folder / part if (folder / part).is_dir() else folder
+    return folder / version if (folder / version).is_dir() else folder
 
 
-def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> VideoSequence:
+def _of_video(root: Path, version: str, truth_path: Path, options: Options) -> VideoSequence:
     """One sequence of the whole dataset: the images of the video that have boxes."""
     boxes = read_xywh(truth_path)
     name = truth_path.stem
     # UAV20L has whole videos, with the names of their folders.
     video, first, last = PARTS.get(name, (name, 1, len(boxes)))
-    if name in PARTS and part == _TEN_FPS:
+    if name in PARTS and version == _TEN_FPS:
         first, last = ((number - 1) // _TEN_FPS_STEP + 1 for number in (first, last))
     if len(boxes) != last - first + 1:
         raise DatasetError(
             f"{truth_path}: has {len(boxes)} boxes, but {name} goes from image {first} to {last}"
         )
-    images = _video_folder(root, part, video)
+    images = _video_folder(root, version, video)
     frames = frames_by_number(images, numbered(images_in(images)), first, len(boxes))
     return VideoSequence(
         name,
@@ -94,10 +93,10 @@ def _of_video(root: Path, part: str, truth_path: Path, options: Options) -> Vide
     )
 
 
-def _video_folder(root: Path, part: str, video: str) -> Path:
+def _video_folder(root: Path, version: str, video: str) -> Path:
     # UAV20L uses the images of UAV123.
     data = root / "data_seq"
-    folders = (data / part / video, data / "UAV123" / video, data / video)
+    folders = (data / version / video, data / "UAV123" / video, data / video)
     return next((path for path in folders if path.is_dir()), folders[0])
 
 

@@ -28,7 +28,13 @@ def sequences_in(folder: Path, options: Options) -> Readers:
 
 
 def read_vot(folder: Path) -> VideoSequence:
-    """One sequence; `DatasetError` if a file is missing or damaged."""
+    """One sequence; boxes are not changed.
+
+    Raises
+    ------
+    DatasetError
+        A file is missing or damaged.
+    """
     settings = _settings(folder / _SETTINGS)
     frames = images_in(_frames_folder(folder, settings))
     truth = read_boxes(inside(folder, settings.get("groundtruth", _TRUTH), folder / _SETTINGS))
@@ -51,7 +57,7 @@ def _settings(path: Path) -> dict[str, str]:
 
 
 def _frames_folder(folder: Path, settings: dict[str, str]) -> Path:
-    """The folder of the default channel, taken from its file pattern (color/%08d.jpg)."""
+    """The folder of the default channel, from its file pattern (color/%08d.jpg)."""
     channel = settings.get("channel.default", "color")
     pattern = settings.get(f"channels.{channel}")
     if pattern is None:

@@ -1,4 +1,4 @@
-"""Robust alignment of an image with the cells of the previous frame.
+"""Robust alignment of an image to the cells of the previous frame.
 
 Inverse compositional Gauss-Newton (Baker and Matthews, 2004), with one robust weight per cell: the
 error of a cell relative to its texture decides its weight, so that cells on independently moving
@@ -18,9 +18,10 @@ from ssiam.geometry import Image, Transform
 from ssiam.motion.cells import CellTemplate, Floats
 from ssiam.motion.models import normalized, small_transform
 
-_DAMPING: Final = 1e-6  # of the first diagonal element; with _EPSILON it keeps an image
-_EPSILON: Final = 1e-9  # without texture solvable
-_MIN_TOLERANCE: Final = 0.05  # share of the texture
+# Added to the diagonal of the Hessian, so that an image without texture has a solution
+_DAMPING: Final = 1e-6  # share of the first diagonal element
+_EPSILON: Final = 1e-9
+_MIN_TOLERANCE: Final = 0.05  # share of the texture, which `tightening` does not go below
 
 
 @dataclass(frozen=True)
@@ -36,26 +37,26 @@ class AlignmentSettings:
     evenness : float
         0 weights a cell by its squared texture, as least squares does; 1 gives all cells equal
         weight.
-    max_rounds : int
+    max_iterations : int
     min_step : float
         Sum of absolute steps, units, below which the iteration ends.
     tightening : float
-        Factor of the tolerance from one round to the next, down to 5 % of the texture.
+        Factor of the tolerance from one iteration to the next, down to 5 % of the texture.
     """
 
     noise: float
     tolerance: float
     evenness: float
-    max_rounds: int
+    max_iterations: int
     min_step: float
     tightening: float = 1.0
 
     def tolerated(self, texture: Floats) -> Floats:
-        """Error (cells,) at which the agreement of a cell has fallen to a quarter."""
+        """Error (cells,), gray levels squared, at which the agreement of a cell is a quarter."""
         return self.noise**2 + self.tolerance * texture
 
     def tightened(self) -> AlignmentSettings:
-        """The settings of the next round."""
+        """The settings of the next iteration."""
         return replace(self, tolerance=max(self.tolerance * self.tightening, _MIN_TOLERANCE))
 
 
@@ -82,27 +83,27 @@ def align(
     background_share: Floats,
     settings: AlignmentSettings,
 ) -> Alignment:
-    """The transform that maps the template to the image, and the error of each cell.
+    """Find the transform that maps the template to the image, and the error of each cell.
 
     Parameters
     ----------
     template : CellTemplate
-        Of the previous frame.
+        The template of the previous frame.
     image : (H, W) uint8
-        This frame, at the template's scale.
+        The current frame, at the scale of the template.
     start : (3, 3) float64
         Initial cur_from_prev, units.
     background_share : (cells,) float32
-        Share 0..1 of each cell that is background: an upper bound of its weight.
+        Share 0..1 of each cell that is background; it scales the weight of the cell.
     settings : AlignmentSettings
     """
     grid, texture = template.grid, template.texture
-    floats = image.astype(np.float32)  # warps faster than uint8, and is not rounded
+    image_f32 = image.astype(np.float32)  # warps faster than uint8, without rounding
     weight = background_share * (texture + settings.noise**2) ** -settings.evenness
     tolerated = settings.tolerated(texture)
     cur_from_prev = start
-    for _ in range(settings.max_rounds):
-        residual = grid.warped(floats, cur_from_prev)
+    for _ in range(settings.max_iterations):
+        residual = grid.warped(image_f32, cur_from_prev)
         residual -= template.values
         error = grid.variance(residual)
         steps = _steps(template, residual, weight * agreement(error, tolerated))

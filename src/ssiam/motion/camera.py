@@ -23,7 +23,7 @@ from ssiam.motion.motion import Motion, as_motion
 KeypointName: TypeAlias = Literal["direct"] | GeneratorName
 KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
 
-_MARGIN: Final = 0.10  # of a box's size, added on each side: its edges move with the target
+_MARGIN: Final = 0.10  # share of a box's size added on each side: its edges move with the target
 _LOW_HIGH_FROM_XYWH: Final = np.block(  # x, y, w, h to low xy, high xy of the enlarged box
     [[np.eye(2), np.eye(2)], [-_MARGIN * np.eye(2), (1 + _MARGIN) * np.eye(2)]]
 )
@@ -42,20 +42,20 @@ class CameraMotion(DeepCopied):
 
     Threads: one thread at a time for each object; several objects are independent.
 
-    Memory and time per frame do not grow with the stream. Bars beside the scene (9:16 or 4:3 in
-    16:9, 2.35:1, of one color or blurred) are cropped first: the motion is that of the cropped
-    video.
+    Memory and time per frame do not grow with the stream. Pillarbox and letterbox bars (9:16 or
+    4:3 in 16:9, 2.35:1, of one color, blurred or patterned) are cropped first: the motion is that
+    of the cropped video.
 
     Parameters
     ----------
     keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}
         "direct" aligns samples all over the frame, reduced to 320 pixels, without keypoints. It
-        is the fastest, the most exact and the most robust to strong shake. The others are the
-        paper's (Table 2, which chooses ORB): keypoints of the full-size frame, followed by
+        is the fastest, the most accurate and the most robust to strong shake. The others are the
+        paper's (Table 2, which chooses ORB): keypoints of the full-size frame, tracked by
         Lucas-Kanade flow (eq. 1-4).
     fit : {"robust", "least_squares"}
-        How a transform is fitted to keypoints; least squares is the printed form, and is biased
-        by independently moving objects.
+        How a transform is fitted to keypoints; not used by "direct". Least squares is the printed
+        form (eq. 3), and is biased by independently moving objects.
     model : {"similarity", "rigid", "affine", "homography"}
         Degrees of freedom of the motion: "rigid" (the paper's) is rotation and shift;
         "similarity" adds zoom, "affine" shear, "homography" tilt. `Motion.shift_angle` is the
@@ -102,8 +102,8 @@ class CameraMotion(DeepCopied):
         ----------
         frame : (H, W, 3) uint8 BGR
         exclude : (x, y, w, h) or several of them, optional
-            Boxes of moving objects, the target first of all, in the previous frame; raw-frame
-            pixels. Pixels inside are not used.
+            Boxes of moving objects, such as the target, in the previous frame; raw-frame pixels.
+            Pixels inside are not used.
         motion : Motion or (3, 3) or (2, 3) array, optional
             The motion, if it is known from a gimbal, a gyro (`Motion.from_rotation`) or a flight
             controller; it replaces the estimate. An array maps background points of the previous
@@ -112,14 +112,14 @@ class CameraMotion(DeepCopied):
         Returns
         -------
         Motion
-            That of the first frame is the identity.
+            The identity for the first frame.
 
         Raises
         ------
         ArgumentError
-            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not of its form.
+            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not valid.
         FrameSizeError
-            The frame's size differs from the one before.
+            The frame has another size than the first one.
         """
         size_wh, boxes = check_frame(frame, self._size_wh), _low_high_boxes(exclude)
         given = None if motion is None else as_motion(motion, size_wh)
@@ -144,9 +144,9 @@ class CameraMotion(DeepCopied):
         changed = content.update(frame)
         motion = given
         if motion is None:
-            origin = area.left, area.top
-            motion = estimator.estimate(area.of(frame), boxes - 2 * origin)
-            motion = motion.uncropped(origin, (frame.shape[1], frame.shape[0]))
+            origin_xy = area.left, area.top
+            motion = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
+            motion = motion.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
             if content.uncertain:
                 motion = Motion.none(motion.size_wh)
         elif not changed:
@@ -156,7 +156,7 @@ class CameraMotion(DeepCopied):
         return motion
 
     def _new_estimator(self, frame: Image) -> _Estimator:
-        """An estimator for frames of this size, with this one as the previous frame."""
+        """An estimator for frames of the size of `frame`, which is its first previous frame."""
         size_wh = frame.shape[1], frame.shape[0]
         if self._keypoints == "direct":
             estimator: _Estimator = DirectMotion(size_wh, self._model)
@@ -168,16 +168,18 @@ class CameraMotion(DeepCopied):
 
 
 class PrefetchingCameraMotion(NotPicklable):
-    """A `CameraMotion` that can start on the next frame in another thread.
+    """A `CameraMotion` that can process the next frame in another thread.
 
-    Threads: one thread at a time for each object, which starts one more; the frame given to
-    `start` must not be written to before `update` has returned for it.
+    Threads: one thread at a time for each object, which starts one worker thread; the frame given
+    to `start` must not be written to before `update` has returned for it.
 
-    The results are those of the camera alone. The excluded boxes must be known at the start.
+    The results are the same as those of the `CameraMotion`. The excluded boxes must be known when
+    a frame is started.
 
     Parameters
     ----------
     camera : CameraMotion
+        It must not be used by other code.
 
     Examples
     --------
@@ -212,14 +214,16 @@ class PrefetchingCameraMotion(NotPicklable):
             Another frame was started before.
         """
         if self._started is not None:
-            raise ArgumentError("a frame is announced already: give it to update first")
+            raise ArgumentError("another frame was started before: call update with it first")
         self._worker = self._worker or ThreadPoolExecutor(1, "camera-motion")
         self._started = frame, self._worker.submit(self._camera.update, frame, exclude)
 
     def update(
         self, frame: Image, exclude: Any = None, motion: Motion | ArrayLike | None = None
     ) -> Motion:
-        """The motion to `frame`, as `CameraMotion.update`; waits for it if it was started.
+        """The motion to `frame`, as from `CameraMotion.update`; waits for it if it was started.
+
+        For a started frame, `exclude` is that of `start`, and a given `motion` replaces the result.
 
         Raises
         ------
@@ -231,7 +235,7 @@ class PrefetchingCameraMotion(NotPicklable):
         started, estimate = self._started
         if started is not frame:
             raise ArgumentError(
-                "this is not the frame that was announced as the next one: give that one first"
+                "another frame was started as the next one: call update with that frame first"
             )
         given = None if motion is None else as_motion(motion, check_frame(frame))
         self._started = None
@@ -240,7 +244,7 @@ class PrefetchingCameraMotion(NotPicklable):
 
 
 def _low_high_boxes(exclude: Any) -> NDArray[np.float64]:
-    """Low xy, high xy (N, 4) of the boxes, enlarged by the margin."""
+    """Low xy, high xy (N, 4) of boxes x, y, w, h, enlarged by the margin."""
     boxes = np.empty((0, 4)) if exclude is None else finite_array(exclude)
     if boxes is None or (boxes.size and (boxes.ndim not in (1, 2) or boxes.shape[-1] != 4)):
         raise ArgumentError(

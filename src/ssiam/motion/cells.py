@@ -18,15 +18,25 @@ from ssiam.motion.models import ModelName, velocities
 
 Floats: TypeAlias = NDArray[np.floating[Any]]  # float32
 
-_SOBEL: Final = 1 / 8  # gradient per response of a 3 × 3 Sobel filter
+_SOBEL: Final = 1 / 8  # gray levels per pixel for a response of 1 of a 3 × 3 Sobel filter
 _MIN_TEXTURE: Final = 1.0  # gray levels squared
-_MIN_BACKGROUND: Final = 0.5  # share of a cell; one with less is not used
+_MIN_BACKGROUND: Final = 0.5  # share of a cell; cells with less are not used
 
 
 class Grid:
     """Sample positions in images of one size, and the motion of each cell.
 
-    Samples lie `stride` pixels apart, and `side` by `side` of them make a cell.
+    Parameters
+    ----------
+    image_wh : (int, int)
+        Width and height of the images, pixels.
+    pixel_from_unit : (3, 3) float64
+        Units to pixels of these images; a scale and a shift.
+    stride : int
+        Pixels between samples.
+    side : int
+        Samples along each side of a cell.
+    model : {"rigid", "similarity", "affine", "homography"}
 
     Attributes
     ----------
@@ -36,10 +46,10 @@ class Grid:
         Center of each cell, units.
     pixels_per_unit : float
     flow : (freedom, 2 * cells) float32
-        Pixels along x, then along y, that the center of each cell moves for a unit step along
-        each generator.
+        Eighths of a pixel along x, then along y, that the center of each cell moves for a unit
+        step along each generator: the gradients of `CellTemplate` are eight times too large.
     flow_products : (freedom * freedom, 3 * cells) float32
-        Products of the flows of all pairs of generators: xx, xy + yx, yy.
+        Products of `flow` for all pairs of generators: xx, xy + yx, yy.
     """
 
     def __init__(
@@ -55,7 +65,7 @@ class Grid:
         columns, rows = (((length - 1 - self._first) // stride + 1) // side for length in image_wh)
         self.shape, self.cells = (rows, columns), rows * columns
         self._samples_wh = columns * side, rows * side
-        self._shares = np.full(side**2, 1 / side**2, dtype=np.float32)
+        self._mean_weights = np.full(side**2, 1 / side**2, dtype=np.float32)
         pixel_from_sample = np.diag([stride, stride, 1.0])
         pixel_from_sample[:2, 2] = self._first
         self._pixel_from_unit = pixel_from_unit
@@ -85,8 +95,8 @@ class Grid:
         columns = slice(first, first + width * stride, stride)
         side = self._side
         sampled = np.empty((len(images), side, side, *self.shape), dtype=np.float32)
-        for image, into in zip(images, sampled, strict=True):
-            into[...] = self._by_cell(image[rows, columns])
+        for image, out in zip(images, sampled, strict=True):
+            out[...] = self._by_cell(image[rows, columns])
         return sampled.reshape(len(images), side * side, self.cells)
 
     def warped(self, image: Floats, cur_from_prev: Transform) -> Floats:
@@ -100,7 +110,7 @@ class Grid:
         return self._by_cell(warped).reshape(self._side**2, self.cells)
 
     def background_share(self, boxes: NDArray[np.float64]) -> Floats:
-        """Share (cells,) of each cell outside of boxes (N, 4); 0 if it is less than half.
+        """Share (cells,) of each cell outside the boxes (N, 4); 0 if it is less than half.
 
         Boxes are low x, low y, high x, high y in units.
         """
@@ -118,14 +128,14 @@ class Grid:
 
     def mean(self, samples: Floats) -> Floats:
         """Mean (..., cells) over each cell of samples (..., samples, cells)."""
-        mean: Floats = np.matmul(self._shares, samples)  # three times as fast as np.mean
+        mean: Floats = np.matmul(self._mean_weights, samples)  # three times as fast as np.mean
         return mean
 
     def variance(self, samples: Floats) -> Floats:
         """Variance (cells,) of samples (samples, cells) within each cell."""
-        mean = self._shares.dot(samples)
-        spread: Floats = self._shares.dot(samples * samples) - mean * mean
-        return np.maximum(spread, 0, out=spread)
+        mean = self._mean_weights.dot(samples)
+        variance: Floats = self._mean_weights.dot(samples * samples) - mean * mean
+        return np.maximum(variance, 0, out=variance)
 
     def _covered(self, axis: int, low: float, high: float) -> Floats:
         """Share of each column (axis 0) or row (1) of cells between two coordinates, units."""
@@ -142,15 +152,21 @@ class Grid:
 class CellTemplate:
     """Samples and gradients of an image, by cell.
 
-    All values are relative to the mean of their cell, and so are errors: a change of brightness,
+    All values, and so all errors, are relative to the mean of their cell: a change of brightness,
     which shifts all gray levels of a cell, has no effect.
+
+    Parameters
+    ----------
+    image : (H, W) uint8
+    grid : Grid
+        Of images of this size.
 
     Attributes
     ----------
     values : (samples, cells) float32
         Gray levels minus the mean of their cell.
     gradients : (2, samples, cells) float32
-        Along x and y, eight times the gray levels per pixel.
+        Sobel responses along x and y: eight times the gray levels per pixel.
     products : (3, cells) float32
         Sums over each cell of the gradients' products: xx, xy, yy.
     texture : (cells,) float32
@@ -171,11 +187,11 @@ class CellTemplate:
         self.textured = self.texture > _MIN_TEXTURE
 
     def change_to(self, later: CellTemplate) -> Floats:
-        """Mean squared change (cells,) at the same position in a later image."""
+        """Mean squared change (cells,) to the same cells of a later image, gray levels squared."""
         return self.grid.mean(np.square(later.values - self.values))
 
 
 def _outer(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Products (freedom * freedom, cells) of all pairs of rows."""
+    """Products (freedom * freedom, cells) of all pairs of rows (freedom, cells)."""
     freedom, cells = first.shape
     return (first[:, None] * second[None]).reshape(freedom * freedom, cells)

@@ -16,13 +16,13 @@ from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
 # Without an excluded box, all cells get equal weight and a tolerance that shrinks.
 _WITH_EXCLUSION: Final = AlignmentSettings(
-    noise=1.0, tolerance=0.3, evenness=0.5, max_rounds=8, min_step=2e-3
+    noise=1.0, tolerance=0.3, evenness=0.5, max_iterations=8, min_step=2e-3
 )
 _WITHOUT_EXCLUSION: Final = replace(
-    _WITH_EXCLUSION, evenness=1.0, max_rounds=16, min_step=1e-3, tightening=0.8
+    _WITH_EXCLUSION, evenness=1.0, max_iterations=16, min_step=1e-3, tightening=0.8
 )
 
-_MIN_AGREEING: Final = 0.5  # share of the textured cells; with less, another start is tried
+_MIN_AGREEING: Final = 0.5  # share of the textured cells; below it, another start is tried
 _DISAGREEING: Final = 0.3  # agreement below which a cell may be on an independent object
 _MIN_REMAINING: Final = 0.15  # share of the cells that must remain for another start
 _NEIGHBORS: Final = np.ones((3, 3), np.uint8)
@@ -30,13 +30,13 @@ _EPSILON: Final = 1e-3
 
 # Block matching
 _LONG_BLOCKS: Final = 4  # blocks along the longer side
-_SHORT_BLOCKS: Final = 3  # and along the shorter
-_REACH: Final = 0.25  # search range, of the longer side
-_MIN_BACKGROUND: Final = 0.5  # of the largest background share of a block
+_SHORT_BLOCKS: Final = 3  # blocks along the shorter side
+_REACH: Final = 0.25  # search range in each direction, share of the longer side
+_MIN_BACKGROUND: Final = 0.5  # relative to the largest background share of a block
 
 
 class CoarseEstimator:
-    """Rigid motion of frames of one size at 80 pixels, started by block matching."""
+    """Estimates rigid motion at 80 pixels, for frames of one size; block matching finds jumps."""
 
     def __init__(self, builder: PyramidBuilder) -> None:
         self._builder = builder
@@ -65,13 +65,13 @@ class CoarseEstimator:
         Parameters
         ----------
         prev, cur : (Pyramid, CellTemplate)
-            Of the previous frame and this one.
+            Pyramid and coarse template of the previous and the current frame.
         boxes : (N, 4) float64
-            Excluded: low x, low y, high x, high y in units.
+            Excluded boxes: low x, low y, high x, high y in units.
         not_overlay : (rows, columns) float32
-            0 where an overlay is drawn on the frame, else 1; any grid over the frame.
+            0 where an overlay is drawn on the frame, else 1; a grid of any resolution.
         scene : (cells,) float32, optional
-            0 for cells outside of the scene, else 1.
+            0 for cells outside the scene, else 1.
         """
         (prev_pyramid, template), (cur_pyramid, cur_template) = prev, cur
         settings = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
@@ -99,13 +99,14 @@ class CoarseEstimator:
                 best, best_share = aligned.cur_from_prev, share
             if share >= _MIN_AGREEING:
                 break
-            around = cv2.dilate(agreeing.reshape(shape), _NEIGHBORS).ravel()
-            background_share, moved = background_share * (around < _DISAGREEING), True
+            max_nearby = cv2.dilate(agreeing.reshape(shape), _NEIGHBORS).ravel()
+            background_share, moved = background_share * (max_nearby < _DISAGREEING), True
             if background_share.mean() < _MIN_REMAINING:
                 break
         return best
 
     def _block_start(self, prev: Image, cur: Image, background_share: Floats) -> Transform:
+        """The shift between two tiny images, as a transform of units."""
         start = np.eye(3)
         shift_xy = _block_shift(prev, cur, background_share.reshape(self.grid.shape))
         start[:2, 2] = np.divide(shift_xy, self._builder.tiny_per_unit)
@@ -115,14 +116,14 @@ class CoarseEstimator:
 def _block_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, float]:
     """Shift (dx, dy) in pixels between two small images (H, W) uint8, by block matching.
 
-    Each block of the previous image is searched around its position, and the squared maps of
-    normalized correlation are summed: large jumps are found, and a block counts by its area,
-    however strong its texture. `background` (rows, columns) is the background share 0..1 of the
-    cells; blocks with little background are not used.
+    Each block of the previous image is searched for around its position, and the squared maps of
+    normalized correlation are summed. This finds large jumps, and gives all blocks the same
+    weight, however strong their texture. `background` (rows, columns) is the background share 0..1
+    of the cells; blocks with little background are not used.
     """
     height, width = prev.shape
     reach = round(_REACH * max(height, width))
-    around = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
+    padded = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
     columns, rows = (
         (_LONG_BLOCKS, _SHORT_BLOCKS) if width >= height else (_SHORT_BLOCKS, _LONG_BLOCKS)
     )
@@ -134,7 +135,7 @@ def _block_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, fl
     for row, column in np.argwhere(share >= _MIN_BACKGROUND * share.max()).tolist():
         top, left = row * block_h, column * block_w
         block = prev[top : top + block_h, left : left + block_w]
-        region = around[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]
+        region = padded[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]
         correlations.append(cv2.matchTemplate(region, block, cv2.TM_CCOEFF_NORMED))
     total = np.add.reduce(np.square(np.maximum(correlations, 0)))
     _, _, _, (x, y) = cv2.minMaxLoc(cv2.GaussianBlur(total, (3, 3), 0))

@@ -1,7 +1,7 @@
 """Camera motion by direct alignment of all pixels.
 
-Keypoints gather on the most textured object, and each is matched alone, by a few pixels. Here
-samples all over the frame are aligned at once, for one transform: first at 80 pixels (see
+Keypoints cluster on the most textured object, and each is matched separately, by a few pixels.
+Here, samples all over the frame are aligned jointly, by one transform: first at 80 pixels (see
 `ssiam.motion.coarse`), then at 320 pixels.
 """
 
@@ -25,7 +25,7 @@ from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
 # Without an excluded box, all cells get equal weight and a tighter tolerance.
 _WITH_EXCLUSION: Final = AlignmentSettings(
-    noise=2.0, tolerance=0.3, evenness=0.3, max_rounds=4, min_step=5e-4
+    noise=2.0, tolerance=0.3, evenness=0.3, max_iterations=4, min_step=5e-4
 )
 _WITHOUT_EXCLUSION: Final = replace(_WITH_EXCLUSION, evenness=1.0, tolerance=0.1)
 
@@ -37,9 +37,9 @@ _EPSILON: Final = 1e-3
 _MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/calibration/reliability.py)
 _AGREEING: Final = 0.5  # explained share of the texture of a cell that agrees
 _MIN_AGREEING: Final = 8  # cells
-_MIN_SPREAD: Final = 0.3  # extent of the agreeing cells, units
+_MIN_SPREAD: Final = 0.3  # units between the outermost agreeing cells along x or y
 
-# Flat areas outside of the scene
+# Flat areas outside the scene
 _MIN_SCENE: Final = 0.3  # share of the textured cells that must remain
 _MAX_RIM: Final = 0.02  # share of a cell of the scene that the rim of a flat area may cover
 
@@ -47,20 +47,21 @@ _MAX_RIM: Final = 0.02  # share of a cell of the scene that the rim of a flat ar
 _MOVED: Final = 1.0  # px of the fine level that a cell must move to count as evidence
 _STATIC: Final = 0.25  # share of the texture by which a static cell may differ
 _BETTER: Final = 0.5  # share of the error under the motion that the static error may reach
-_CHANGED: Final = 0.5  # share of the texture by which a cell differs that is not static
+_CHANGED: Final = 0.5  # share of the texture; a cell that differs by more is not static
 _GAIN: Final = 0.25  # weight of a frame's evidence
-_OVERLAY: Final = 0.5  # evidence of an overlay: three frames in a row
+_OVERLAY: Final = 0.5  # evidence from which a cell is an overlay: three frames in a row
 
 
 @dataclass(frozen=True, eq=False)
 class _FrameData:
-    """The data of a frame that its alignment with the next one needs."""
+    """The data of a frame that is needed to align it with the next one."""
 
     pyramid: Pyramid
     coarse: CellTemplate
     fine: CellTemplate
-    scene: Floats | None = None  # (cells,) of `fine`: 0 beside a flat area outside, else 1
-    coarse_scene: Floats | None = None  # the same of `coarse`
+    # (cells,) of `fine` and `coarse`: 0 for cells on a flat area outside the scene, else 1
+    scene: Floats | None = None
+    coarse_scene: Floats | None = None
 
 
 class DirectMotion:
@@ -122,6 +123,7 @@ class DirectMotion:
         return motion
 
     def _frame_data(self, frame: Image) -> _FrameData:
+        """Pyramid and templates of a frame (H, W, 3), with flat areas outside the scene filled."""
         pyramid = self._builder.from_frame(frame)
         fine = CellTemplate(pyramid.fine, self._grid)
         outside = flat_outside(pyramid.fine)
@@ -183,7 +185,17 @@ class OverlayDetector:
     def update(
         self, prev: CellTemplate, cur: CellTemplate, cur_from_prev: Transform, error: Floats
     ) -> None:
-        """Compare how well the motion (`error`, by cell) and no motion explain a frame."""
+        """Compare how well the camera motion and no motion explain each cell.
+
+        Parameters
+        ----------
+        prev, cur : CellTemplate
+            The previous and the current frame.
+        cur_from_prev : (3, 3) float64
+            Units.
+        error : (cells,) float32
+            Error of each cell under that motion, gray levels squared.
+        """
         static_error = prev.change_to(cur)
         static = static_error < np.minimum(_STATIC * prev.texture, _BETTER * error)
         static &= prev.textured
@@ -194,7 +206,7 @@ class OverlayDetector:
         self.background = (self._evidence < _OVERLAY).astype(np.float32)
 
     def _moved(self, cur_from_prev: Transform) -> NDArray[np.bool_]:
-        """Cells (cells,) that moved far enough to distinguish an overlay from the scene."""
+        """Whether each cell (cells,) moved enough to distinguish an overlay from the scene."""
         centers = self._grid.centers
         shift = map_columns(cur_from_prev, centers) - centers
         return np.asarray(np.hypot(*shift) * self._grid.pixels_per_unit >= _MOVED)

@@ -1,11 +1,12 @@
 """Transforms fitted to point pairs: least squares (eq. 3), and a robust fit.
 
 The paper prints least squares. It is worse than no stabilization once a twentieth of the frame
-moves independently, so the default is a robust fit: the best of many two-point hypotheses, then
+moves independently. The default is a robust fit: the best of many two-point hypotheses, then
 reweighted least squares.
 
-Points are complex numbers here, x + iy: a rigid transform is ``q = turn * p + shift`` with
-``|turn| = 1``, and its angle is that of `turn`; of a similarity, ``|turn|`` is the zoom.
+Points are complex numbers here, x + iy: a rigid transform is ``q = rotation * p + shift`` with
+``|rotation| = 1``, and its angle is that of `rotation`. For a similarity, ``|rotation|`` is the
+zoom.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ FitName: TypeAlias = Literal["robust", "least_squares"]
 Complex: TypeAlias = NDArray[np.complex128]
 Floats: TypeAlias = NDArray[np.float64]
 
-_HYPOTHESES = 100  # of two points each; at 20 % of inliers one in fifty frames finds none
-_ROUNDS = 4  # of reweighting
-_FREE_ROUNDS = 6  # the same, for affine and homography
-_DAMPING = 1e-9  # keeps collinear points solvable
+_HYPOTHESES = 100  # pairs of points; with 20 % inliers, one frame in fifty has no pair of inliers
+_ITERATIONS = 4  # of reweighted least squares
+_REFINING_ITERATIONS = 6  # of reweighted least squares, for affine and homography
+_DAMPING = 1e-9  # added to the diagonal of the Hessian, so that collinear points have a solution
 _MAX_ZOOM = 0.2  # largest change of scale of a hypothesis between two frames
 
 
@@ -45,7 +46,7 @@ def fit_motion(
     *,
     model: ModelName = "rigid",
 ) -> tuple[Transform, float]:
-    """`cur_from_prev` of point pairs (N, 2), N >= 2, and the share 0..1 of inliers.
+    """Fit a transform to N >= 2 point pairs.
 
     Parameters
     ----------
@@ -56,15 +57,21 @@ def fit_motion(
         Largest error of an inlier, pixels.
     model : {"rigid", "similarity", "affine", "homography"}
         "rigid" is eq. 3; the others have more degrees of freedom.
+
+    Returns
+    -------
+    cur_from_prev : (3, 3) float64
+        Pixels.
+    inliers : float
+        0..1: share of the pairs with an error of at most `tolerance`.
     """
     p, q = _complex(prev_xy), _complex(cur_xy)
     if method == "least_squares":
-        turn, shift = _least_squares(p, q, np.ones(len(p)), model)
+        rotation, shift = _least_squares(p, q, np.ones(len(p)), model)
     else:
-        turn, shift = _robust(p, q, tolerance, model)
-    cur_from_prev = np.array(
-        [[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1]]
-    )
+        rotation, shift = _robust(p, q, tolerance, model)
+    a, b = rotation.real, rotation.imag
+    cur_from_prev = np.array([[a, -b, shift.real], [b, a, shift.imag], [0, 0, 1]])
     if model in ("affine", "homography"):
         sigma = tolerance if method == "robust" else np.inf
         cur_from_prev = _refined(cur_from_prev, prev_xy, cur_xy, sigma, model)
@@ -75,48 +82,48 @@ def fit_motion(
 def _refined(
     cur_from_prev: Transform, prev_xy: Points, cur_xy: Points, sigma: float, model: ModelName
 ) -> Transform:
-    """A similarity refined within a larger model, with Geman-McClure weights of `sigma` px."""
+    """Refine a similarity within a larger model, with Geman-McClure weights of `sigma` px."""
     center, size = prev_xy.mean(axis=0), max(float(np.ptp(prev_xy, axis=0).max()) / 2, 1.0)
     pixel_from_unit = np.array([[size, 0, center[0]], [0, size, center[1]], [0, 0, 1]])
     unit_from_pixel = np.linalg.inv(pixel_from_unit)
-    found = unit_from_pixel @ cur_from_prev @ pixel_from_unit
+    refined = unit_from_pixel @ cur_from_prev @ pixel_from_unit  # units
     prev, cur = ((xy - center).T / size for xy in (prev_xy, cur_xy))
-    for _ in range(_FREE_ROUNDS):
-        mapped = map_columns(found, prev)
+    for _ in range(_REFINING_ITERATIONS):
+        mapped = map_columns(refined, prev)
         residual = cur - mapped
         weights = 1 / (1 + (residual**2).sum(axis=0) * (size / sigma) ** 2) ** 2
         flow = velocities(mapped, model)
         hessian = np.einsum("iaj,kaj,j->ik", flow, flow, weights)
         hessian += _DAMPING * np.eye(FREEDOM[model]) * weights.sum()
         steps = np.linalg.solve(hessian, np.einsum("iaj,aj,j->i", flow, residual, weights))
-        found = normalized(small_transform(steps) @ found, model)
-    return np.asarray(pixel_from_unit @ found @ unit_from_pixel, dtype=np.float64)
+        refined = normalized(small_transform(steps) @ refined, model)
+    return np.asarray(pixel_from_unit @ refined @ unit_from_pixel, dtype=np.float64)
 
 
 def _least_squares(
     p: Complex, q: Complex, weights: Floats, model: ModelName
 ) -> tuple[complex, complex]:
-    """(turn, shift) with the least weighted sum of squared distances (eq. 3)."""
+    """(rotation, shift) that minimize the weighted sum of squared distances (eq. 3)."""
     share = weights / weights.sum()
     p_mean, q_mean = share @ p, share @ q
     from_mean = p - p_mean
     a_id = (share * np.conj(from_mean)) @ (q - q_mean)  # eq. 4: da = arctan(d / a)
     size = abs(a_id) if model == "rigid" else share @ _squared(from_mean)
-    turn = a_id / size if size > 0 else 1 + 0j
-    return complex(turn), complex(q_mean - turn * p_mean)
+    rotation = a_id / size if size > 0 else 1 + 0j
+    return complex(rotation), complex(q_mean - rotation * p_mean)
 
 
 def _robust(p: Complex, q: Complex, tolerance: float, model: ModelName) -> tuple[complex, complex]:
-    """(turn, shift) of the largest group of pairs that agree within `tolerance` pixels.
+    """(rotation, shift) of the largest group of pairs that agree within `tolerance` pixels.
 
-    The group is found by two-point hypotheses, which are the same in every call, and refined by
-    least squares with Geman-McClure weights of decreasing width.
+    The group is found by two-point hypotheses, which are the same in every call for the same number
+    of pairs, and refined by least squares with Geman-McClure weights of decreasing width.
     """
-    turn, shift = _consensus(p, q, tolerance, model)
-    for sigma in np.geomspace(tolerance, tolerance / 2, _ROUNDS):
-        squared = _squared(turn * p + shift - q)
-        turn, shift = _least_squares(p, q, 1 / (1 + squared / sigma**2) ** 2, model)
-    return turn, shift
+    rotation, shift = _consensus(p, q, tolerance, model)
+    for sigma in np.geomspace(tolerance, tolerance / 2, _ITERATIONS):
+        squared = _squared(rotation * p + shift - q)
+        rotation, shift = _least_squares(p, q, 1 / (1 + squared / sigma**2) ** 2, model)
+    return rotation, shift
 
 
 def _consensus(
@@ -129,14 +136,15 @@ def _consensus(
     """
     first, second = _pairs(len(p))
     span = p[second] - p[first]
-    turn = np.divide(q[second] - q[first], span, out=np.ones_like(span), where=span != 0)
-    zoom = np.abs(turn)
-    unlikely = (np.abs(zoom - 1) > _MAX_ZOOM) | (model == "rigid")
-    turn = np.where(unlikely, np.divide(turn, zoom, out=np.ones_like(turn), where=zoom > 0), turn)
-    shift = (q[first] + q[second] - turn * (p[first] + p[second])) / 2
-    squared = _squared(turn[:, None] * p + shift[:, None] - q)
+    rotation = np.divide(q[second] - q[first], span, out=np.ones_like(span), where=span != 0)
+    zoom = np.abs(rotation)
+    rigid = np.divide(rotation, zoom, out=np.ones_like(rotation), where=zoom > 0)
+    without_zoom = (np.abs(zoom - 1) > _MAX_ZOOM) | (model == "rigid")
+    rotation = np.where(without_zoom, rigid, rotation)
+    shift = (q[first] + q[second] - rotation * (p[first] + p[second])) / 2
+    squared = _squared(rotation[:, None] * p + shift[:, None] - q)
     best = int(np.argmax((1 / (1 + squared / tolerance**2)).sum(axis=1)))
-    return complex(turn[best]), complex(shift[best])
+    return complex(rotation[best]), complex(shift[best])
 
 
 @lru_cache(maxsize=256)

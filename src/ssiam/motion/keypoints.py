@@ -21,7 +21,7 @@ _Detect: TypeAlias = Callable[[Image, Image | None], Keypoints]
 
 # Detectors
 _ORB_POINTS: Final = 500
-_ORB_LEVELS: Final = 2  # flow needs no scale: 2 octaves take a fifth of the time of 8 levels of 1.2
+_ORB_LEVELS: Final = 2  # flow needs no scale; 2 octaves take a fifth of the time of 8 levels of 1.2
 _ORB_SCALE: Final = 2.0
 _ORB_PATCH: Final = 9  # px, for the orientation, which flow does not need
 _GFTT_POINTS: Final = 200
@@ -31,8 +31,8 @@ _BRISK_THRESHOLD: Final = 40  # gray levels
 _CELLS_XY: Final = (16, 12)  # at most one point in each cell of the frame
 
 # Lucas-Kanade flow
-_WINDOW: Final = (17, 17)  # px; a quarter faster than the usual 21, and as exact here
-_LEVELS: Final = 4  # 17 px at 1/16 of the size follows shifts of some 100 px
+_WINDOW: Final = (17, 17)  # px; a quarter faster than the default 21, and as accurate here
+_LEVELS: Final = 4  # 17 px at 1/16 of the size follow shifts of about 100 px
 _STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)  # iterations, px
 
 # Fit
@@ -41,7 +41,7 @@ _MIN_SHARE: Final = 0.20  # share of inliers of a reliable fit
 _TOLERANCE: Final = 1.5 / 640  # of the longer side: largest error of an inlier
 _MIN_TOLERANCE: Final = 1.0  # px
 
-_LONGER_SIDE: Final = 320  # px of the small frame in which the scene's outline is found
+_LONGER_SIDE: Final = 320  # px of the small frame in which flat areas are searched for
 _BLANK_STRIDE: Final = 8  # px between the samples that decide whether a frame is blank
 
 
@@ -103,12 +103,12 @@ class KeypointMotion:
             model=self._model,
         )
         motion = Motion(cur_from_prev, inliers, True, self._size_wh)
-        agreed = inliers >= _MIN_SHARE and inliers * len(prev_xy) >= _MIN_POINTS
-        reliable = agreed or self._fit == "least_squares"
+        has_consensus = inliers >= _MIN_SHARE and inliers * len(prev_xy) >= _MIN_POINTS
+        reliable = has_consensus or self._fit == "least_squares"
         return motion if reliable and motion.is_plausible else Motion.none(self._size_wh)
 
     def _background(self, gray: Image, boxes: NDArray[np.float64]) -> Image | None:
-        """Mask (H, W) uint8, 0 in the boxes and outside of the scene; None if all is used."""
+        """Mask (H, W) uint8, 0 in the boxes and outside the scene; None to use the whole frame."""
         scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
         small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
         outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))
@@ -130,8 +130,8 @@ class KeypointGenerator:
     Call it with a gray frame (H, W) uint8 and a mask (H, W) uint8 or None (detect only where the
     mask is not 0). It returns points (N, 2) float32, x and y in pixels, the strongest first.
 
-    Threads: one thread at a time. A copy has its own detector, because those of OpenCV work in
-    buffers that they keep.
+    Threads: one thread at a time for each object. A copy has a separate OpenCV detector, because
+    those keep internal buffers.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class KeypointGenerator:
         self._detect = _detector(name)
 
     def __call__(self, gray: Image, mask: Image | None) -> Keypoints:
-        """Keypoints of a gray frame."""
+        """Keypoints (N, 2) float32 of a gray frame (H, W) uint8."""
         return self._detect(gray, mask)
 
     def __reduce__(self) -> tuple[type[KeypointGenerator], tuple[GeneratorName]]:
@@ -177,7 +177,7 @@ def _orb() -> Any:
 
 
 def _brisk() -> Any:
-    """BRISK, which OpenCV 5 moved to the contributed modules."""
+    """BRISK; OpenCV 5 moved it to the contributed modules."""
     contributed: Any = cv2.xfeatures2d
     brisk = getattr(cv2, "BRISK", None) or contributed.BRISK
     return brisk.create(_BRISK_THRESHOLD)
@@ -185,10 +185,10 @@ def _brisk() -> Any:
 
 def _feature_detector(detector: Any) -> _Detect:
     def detect(gray: Image, mask: Image | None) -> Keypoints:
-        found = detector.detect(gray, mask)
-        response = np.array([point.response for point in found], dtype=np.float32)
+        keypoints = detector.detect(gray, mask)
+        response = np.array([point.response for point in keypoints], dtype=np.float32)
         order = np.argsort(-response, kind="stable")
-        xy = np.asarray(cv2.KeyPoint.convert(found), dtype=np.float32).reshape(-1, 2)
+        xy = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
         return xy[order]
 
     return detect
@@ -196,7 +196,7 @@ def _feature_detector(detector: Any) -> _Detect:
 
 def _corner_detector(*, harris: bool) -> _Detect:
     def detect(gray: Image, mask: Image | None) -> Keypoints:
-        found = cv2.goodFeaturesToTrack(
+        corners = cv2.goodFeaturesToTrack(
             gray,
             _GFTT_POINTS,
             _GFTT_QUALITY,
@@ -204,7 +204,7 @@ def _corner_detector(*, harris: bool) -> _Detect:
             mask=mask,
             useHarrisDetector=harris,
         )
-        return np.asarray([] if found is None else found, dtype=np.float32).reshape(-1, 2)
+        return np.asarray([] if corners is None else corners, dtype=np.float32).reshape(-1, 2)
 
     return detect
 
@@ -212,20 +212,20 @@ def _corner_detector(*, harris: bool) -> _Detect:
 def _spread(points: Keypoints, size_wh: tuple[int, int]) -> Keypoints:
     """The strongest point of each cell of a grid over the frame of (width, height) pixels.
 
-    Detectors crowd their points on the most textured object, which may move independently of the
-    camera; a rigid fit needs points all over the frame.
+    Detectors concentrate their points on the most textured object, which may move independently of
+    the camera; a rigid fit needs points all over the frame.
     """
     columns, rows = _CELLS_XY
     column, row = (points * np.divide(_CELLS_XY, size_wh)).astype(np.intp).T
     strongest = np.full(columns * rows, -1)
-    order = np.arange(len(points))[::-1]  # the strongest is written last, and stays
+    order = np.arange(len(points))[::-1]  # the strongest is written last, over the others
     strongest[(row * columns + column)[::-1]] = order
     spread: Keypoints = points[strongest[strongest >= 0]]
     return spread
 
 
 def _follow(prev_gray: Image, cur_gray: Image, prev_xy: Keypoints) -> tuple[Keypoints, Keypoints]:
-    """Points of the previous frame and their positions in this one, by Lucas-Kanade flow.
+    """Track points of the previous frame into this one by Lucas-Kanade flow.
 
     Takes and returns (N, 2) float32 pixels (eq. 1 and 2, on a pyramid). Points that were lost or
     left the frame are removed from both results.
@@ -243,5 +243,5 @@ def _follow(prev_gray: Image, cur_gray: Image, prev_xy: Keypoints) -> tuple[Keyp
     )
     height, width = cur_gray.shape
     inside = ((cur_xy >= 0) & (cur_xy <= (width - 1, height - 1))).all(axis=1)
-    kept = found.ravel().astype(bool) & inside
-    return prev_xy[kept], np.asarray(cur_xy, dtype=np.float32)[kept]
+    tracked = found.ravel().astype(bool) & inside
+    return prev_xy[tracked], np.asarray(cur_xy, dtype=np.float32)[tracked]

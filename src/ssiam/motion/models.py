@@ -1,7 +1,7 @@
 """Motion models: families of transforms, each spanned by a few generators.
 
 A generator is a small change of a transform: ``I + step * generator`` shifts, rotates, zooms, ...
-by `step`. Both estimators, keypoints and direct alignment, improve a transform by steps along the
+by `step`. Both estimators, keypoints and direct alignment, refine a transform by steps along the
 generators. Coordinates are *units*: the frame center is (0, 0) and half of the longer side is 1,
 so that a step has a similar effect for each generator.
 """
@@ -44,13 +44,13 @@ def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]
 
 
 def small_transform(steps: NDArray[np.float64]) -> Transform:
-    """The transform of small steps along the first generators, to first order."""
+    """The first-order transform of small steps (freedom,) along the first generators."""
     transform: Transform = IDENTITY + steps.dot(_FLAT[: len(steps)]).reshape(3, 3)
     return transform
 
 
 def normalized(to_from_from: Transform, model: ModelName) -> Transform:
-    """The transform of a model next to the result of small steps; changes the array."""
+    """Restore the form of the model after a small step; changes the array."""
     if model == "rigid":
         (a, b, _), (c, d, _), _ = to_from_from.tolist()
         to_from_from[:2, :2] /= math.sqrt(abs(a * d - b * c))
@@ -60,6 +60,6 @@ def normalized(to_from_from: Transform, model: ModelName) -> Transform:
 
 
 def map_columns(to_from_from: Transform, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (2, N), one in each column, mapped by a transform."""
+    """Map points (2, N), one in each column, by a transform."""
     mapped = to_from_from[:, :2] @ xy + to_from_from[:, 2:]
     return np.asarray(mapped[:2] / mapped[2], dtype=np.float64)

@@ -96,7 +96,7 @@ class Motion:
     ) -> Motion:
         """The motion of a rotating camera, measured by a gyro or a gimbal.
 
-        A rotation maps every scene point by the homography ``K R K^-1``, whatever its distance
+        A rotation maps every scene point by the homography ``K R K^-1``, regardless of its distance
         (Hartley and Zisserman, 2004, section 8.4).
 
         Parameters
@@ -115,7 +115,7 @@ class Motion:
         Raises
         ------
         ArgumentError
-            It is not a rotation, or the focal length is not positive and finite.
+            The matrix is not a rotation, or the focal length is not positive and finite.
         """
         rotation = finite_array(cur_from_prev_rotation)
         if rotation is not None and rotation.shape == (3,):
@@ -136,7 +136,7 @@ class Motion:
         return cls.from_transform(camera @ rotation @ np.linalg.inv(camera), size_wh)
 
     def uncropped(self, origin_xy: tuple[int, int], size_wh: tuple[int, int]) -> Motion:
-        """The motion in the whole frames, if this one is that of a crop of them.
+        """The motion of the whole frames, where this is the motion of a crop of them.
 
         Parameters
         ----------
@@ -164,31 +164,31 @@ class Motion:
     def is_plausible(self) -> bool:
         """Whether a camera can move this far between two frames."""
         dx, dy, angle = self.shift_angle
-        near = math.hypot(dx, dy) <= _MAX_SHIFT * max(self.size_wh)
-        return near and abs(angle) <= _MAX_ANGLE
+        is_near = math.hypot(dx, dy) <= _MAX_SHIFT * max(self.size_wh)
+        return is_near and abs(angle) <= _MAX_ANGLE
 
 
 def as_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:
-    """A `Motion` or a transform given by the caller, checked, as a `Motion`.
+    """Check a `Motion` or a transform given by the caller, and return it as a `Motion`.
 
     Parameters
     ----------
     motion : Motion or (3, 3) or (2, 3) array
-        Arrays are those of `Motion.from_transform`.
+        An array is converted by `Motion.from_transform`.
     size_wh : (int, int)
         Width and height of the frames, pixels.
 
     Raises
     ------
     ArgumentError
-        It is a motion of frames of another size, or not an invertible transform.
+        It is the motion of frames of another size, or is not an invertible transform.
     """
     if not isinstance(motion, Motion):
         return Motion.from_transform(motion, size_wh)
     if motion.size_wh != size_wh:
         width, height = size_wh
         raise ArgumentError(
-            f"motion is of frames of {short_repr(motion.size_wh)} pixels: "
+            f"motion has size_wh {short_repr(motion.size_wh)}: "
             f"give the motion of frames of {width}x{height} pixels"
         )
     Motion.from_transform(motion.cur_from_prev, size_wh)

@@ -1,4 +1,4 @@
-"""The small gray images of a frame on which the direct estimate works."""
+"""The small gray images of a frame that direct alignment uses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
 
-_LONGER_SIDE: Final = 320  # px of the finest level: exact enough, and blind to small waves
-_LARGE: Final = 4  # times that size, from which on color is converted after the reduction
+_LONGER_SIDE: Final = 320  # px of the finest level: accurate, and too coarse for small waves
+_LARGE: Final = 4  # times that size, from which frames are resized before conversion to gray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,11 @@ class PyramidBuilder:
 
     Units are those of `ssiam.motion.models`.
 
+    Parameters
+    ----------
+    size_wh : (int, int)
+        Width and height of the frames, pixels.
+
     Attributes
     ----------
     fine_wh, coarse_wh : (int, int)
@@ -36,6 +41,7 @@ class PyramidBuilder:
     frame_from_unit, fine_from_unit, coarse_from_unit : (3, 3) float64
         Units to pixels of the frame and of those levels.
     unit_from_frame : (3, 3) float64
+        The inverse of `frame_from_unit`.
     tiny_per_unit : (2,) float64
         Pixels of the tiny level per unit along x and y.
     """
@@ -62,7 +68,7 @@ class PyramidBuilder:
         self.tiny_per_unit = np.diag(self.fine_from_unit)[:2] / 8
 
     def in_units(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Boxes (N, 4) low xy, high xy, from pixels of the frame to units."""
+        """Convert boxes (N, 4) low xy, high xy from pixels of the frame to units."""
         scaled: NDArray[np.float64] = (boxes - self._center_twice) / self.frame_from_unit[0, 0]
         return scaled
 
@@ -76,7 +82,7 @@ class PyramidBuilder:
 
     @staticmethod
     def from_fine(fine: Image) -> Pyramid:
-        """The pyramid whose finest level is given."""
+        """The pyramid above a finest level (H, W) uint8."""
         coarse = cv2.pyrDown(cv2.pyrDown(fine))
         tiny = cv2.pyrDown(coarse)
         return Pyramid(fine, *(np.asarray(level, dtype=np.uint8) for level in (coarse, tiny)))

@@ -38,7 +38,7 @@ class PaperConfig:
         Frames of the camera path that are averaged, the current one included.
     gate : float
         Threshold judge of Fig. 2, pixels: a frame whose pixels are all within this distance of
-        the smoothed path is left as it is. The paper gives no number.
+        the smoothed path is not moved. The paper gives no number.
     border : int
         N of eq. 6: pixels added on each side of the stabilized frame, so that nothing is lost.
         "predict" uses it too.
@@ -128,7 +128,7 @@ class PredictConfig:
         _check_not_negative(self, "margin")
         for name in ("memory", "smoothing"):
             if not 0 <= getattr(self, name) < 1:
-                raise ArgumentError(f"{name} is {getattr(self, name)}: it must be in 0..1, below 1")
+                raise ArgumentError(f"{name} is {getattr(self, name)}: it must be in [0, 1)")
 
 
 _PARTS: Final[dict[str, type[PaperConfig] | type[PredictConfig]]] = {
@@ -148,13 +148,13 @@ class StabilizerConfig:
     stabilize : {"predict", "paper", "literal", "off"}
         "predict" moves the frame so that the target appears where the tracker last saw it; "paper"
         moves it onto the smoothed camera path; "literal" is eq. 5 as printed, which adds one
-        frame's shake again (for ablation); "off" leaves every frame as it is.
+        frame's shake again (for ablation); "off" does not move frames.
     keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}, optional
         Keypoint generator of the camera motion (Table 2); "direct" aligns pixels instead, and is
-        faster and more robust. By default "direct" for "predict" and the paper's "orb" for the
-        others.
+        faster and more robust. By default "direct" for "predict", and the paper's "orb" for the
+        other methods.
     fit : {"robust", "least_squares"}
-        Rigid fit of the camera motion; least squares is the printed form (eq. 3).
+        How the camera motion is fitted to keypoints; least squares is the printed form (eq. 3).
     paper : PaperConfig
         Settings of "paper" and "literal".
     predict : PredictConfig
@@ -194,7 +194,7 @@ class StabilizerConfig:
         return self.paper.border
 
     def options(self) -> dict[str, Any]:
-        """All settings but the method by their names, which the command line and labels use."""
+        """All settings except the method, by the names of the command line and of labels."""
         values: dict[str, Any] = {"keypoints": self.keypoints, "fit": self.fit}
         for name in _PARTS:
             part = getattr(self, name)
@@ -202,7 +202,7 @@ class StabilizerConfig:
         return values
 
     def changed_options(self) -> dict[str, Any]:
-        """The options that differ from the defaults of this method."""
+        """The `options` that differ from the defaults of this method."""
         defaults = StabilizerConfig(self.stabilize).options()
         return {name: value for name, value in self.options().items() if value != defaults[name]}
 

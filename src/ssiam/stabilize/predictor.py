@@ -17,20 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
-from ssiam.geometry import IDENTITY, XYWH, Transform, map_point, rigid
+from ssiam.geometry import IDENTITY, XYWH, Points, Transform, map_point, rigid
 from ssiam.motion import Motion
 from ssiam.stabilize.config import PredictConfig
 
-Point = NDArray[np.float64]
+Point = NDArray[np.float64]  # (2,) x, y in pixels
 
 _MAX_ERROR: Final = 2.0  # target sizes; larger errors of a prediction are cut off
-_LOW_SCORE: Final = 0.15  # score below which a box does not update the target's speed
+_LOW_SCORE: Final = 0.15  # a box with a lower score does not update the target's speed
 _INITIAL_ERROR: Final = 0.3  # target sizes, of the predictions without camera motion
 _LOW_SCORE_WEIGHT: Final = 0.5  # weight, in frames, of a low-score box
 _SPEED_LOSS: Final = 0.5  # share of its speed that a target loses in each low-score frame
-# The view returns to the raw frame: by a share of its shift and rotation in each frame, and by no
-# more than a step that trackers tolerate.
-_RETURN: Final = 0.05
+# In each frame the view returns toward the raw frame by a share of its shift and rotation. The step
+# is limited to what trackers tolerate.
+_RETURN: Final = 0.05  # share
 _MAX_RETURN_STEP: Final = 0.1  # target sizes
 _MIN_OFFSET: Final = 0.01  # target sizes, and radians: below it the view is the raw frame
 
@@ -49,10 +49,10 @@ _WITH_CAMERA: Final = (Hypothesis.FIXED, Hypothesis.MOVING_IN_SCENE)
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A frame that was predicted and not yet observed."""
+    """A frame after `update` and before `observe` or `hold`."""
 
     motion: Motion
-    positions: Point  # (4, 2), by hypothesis, raw-frame pixels
+    positions: Points  # (4, 2) predicted centers by `Hypothesis`, raw-frame pixels
     prev_stab_from_raw: Transform
 
 
@@ -60,30 +60,30 @@ class TargetPredictor(DeepCopied):
     """Chooses ``stab_from_raw`` by the predicted target position, one frame at a time.
 
     For each frame call `update`, and then `observe` with the tracker's box, `move_to` after a
-    re-detection, or `hold` if the frame shows nothing. Without an `update` before, `observe` only
-    sets the box and `hold` changes nothing.
+    re-detection, or `hold` if the frame is blank. Without an `update` before, `observe` only sets
+    the box and `hold` changes nothing.
 
     Threads: one thread at a time for each object; several objects are independent.
 
     Parameters
     ----------
     config : PredictConfig
-        All of it but `find`.
+        `find` is not used here.
     xywh : (x, y, w, h)
         The target in the first frame, raw-frame pixels.
 
     Attributes
     ----------
     stab_from_raw : (3, 3) float64
-        The view of the frame of the last `update`.
+        The view of the frame of the last `update`; raw-frame to stabilized pixels.
     """
 
     def __init__(self, config: PredictConfig, xywh: XYWH) -> None:
         self._config = config
         self.stab_from_raw: Transform = IDENTITY
-        # Running means of the errors, target sizes. The predictions with camera motion are
-        # preferred at first: a shake can lose the target in one frame, a pan that follows the
-        # target cannot.
+        # Running means of the errors by hypothesis, target sizes. The predictions with camera
+        # motion are preferred at first: a shake can lose the target in one frame, a pan that
+        # follows the target cannot.
         self._errors = np.array([_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0])
         self._speeds = np.zeros((2, 2))  # px per frame: in the frame, in the scene
         self._elapsed = 1  # frames since the last box
@@ -92,14 +92,14 @@ class TargetPredictor(DeepCopied):
         self._center = _center(xywh)
 
     def move_to(self, xywh: XYWH) -> None:
-        """Set the target's box without updating errors, and its speed to 0; raw-frame pixels."""
+        """Set the target's box (raw-frame pixels) and a speed of 0; the errors are kept."""
         self._set_box(xywh)
         self._speeds = np.zeros((2, 2))
 
     def update(self, motion: Motion) -> XYWH:
-        """The predicted box in the next frame, reached by `motion`; raw-frame pixels.
+        """Predict the box in the next frame, reached by `motion`; raw-frame pixels.
 
-        Sets `stab_from_raw` to the view of that frame.
+        Also sets `stab_from_raw` to the view of that frame.
         """
         positions = self._predict(motion)
         self._step = _Step(motion, positions, self.stab_from_raw)
@@ -114,8 +114,9 @@ class TargetPredictor(DeepCopied):
     def observe(self, xywh: XYWH, score: float) -> None:
         """Update with the tracker's box in the raw frame and its `score` 0..1.
 
-        A low-score box has half the weight in the errors (no weight would take a camera that
-        follows a target of changing appearance for a shaking one), and none in the speed.
+        A low-score box has half the weight in the errors, and none in the speed. Without any weight
+        in the errors, a camera that follows a target of changing appearance would be mistaken for a
+        shaking one.
         """
         config, step = self._config, self._step
         has_low_score = config.trust and score < _LOW_SCORE
@@ -133,7 +134,7 @@ class TargetPredictor(DeepCopied):
         self._set_box(xywh)
 
     def hold(self) -> XYWH:
-        """Skip the frame of the last `update`, which shows nothing: keep errors and speed.
+        """Skip the frame of the last `update`, which is blank: keep errors and speed.
 
         The target is assumed to be fixed in the scene, and the view shows it at its last position.
         Returns its box, raw-frame pixels.
@@ -166,7 +167,7 @@ class TargetPredictor(DeepCopied):
         (x, y), (w, h) = center.tolist(), self._box[2:]
         return x - w / 2, y - h / 2, w, h
 
-    def _predict(self, motion: Motion) -> Point:
+    def _predict(self, motion: Motion) -> Points:
         """The target center (4, 2) predicted by each hypothesis, raw-frame pixels."""
         still = self._center
         fixed = np.array(map_point(motion.cur_from_prev, *still.tolist()))
@@ -174,6 +175,7 @@ class TargetPredictor(DeepCopied):
         return np.array([still, still + in_frame, fixed, fixed + in_scene])
 
     def _choice(self) -> Hypothesis:
+        """The hypothesis with the least error, if it is clearly better than `STILL`."""
         if not self._config.choose:
             return Hypothesis.MOVING_IN_SCENE
         best = Hypothesis(int(np.argmin(self._errors)))
@@ -181,15 +183,15 @@ class TargetPredictor(DeepCopied):
         return best if better else Hypothesis.STILL
 
     def _view(self, angle: float, position: Point) -> Transform:
-        """The view that shows the raw-frame `position` where the target was seen.
+        """The view that shows the raw-frame `position` where the last view shows the target.
 
         A small step back toward the raw frame keeps the view from drifting away, so that rendered
         frames still show the area of the raw frame.
         """
         (x, y), step = position.tolist(), _MAX_RETURN_STEP * self._size
-        seen_x, seen_y = map_point(self.stab_from_raw, *self._center.tolist())
+        last_x, last_y = map_point(self.stab_from_raw, *self._center.tolist())
         dx, dy = (
-            offset - max(-step, min(_RETURN * offset, step)) for offset in (seen_x - x, seen_y - y)
+            offset - max(-step, min(_RETURN * offset, step)) for offset in (last_x - x, last_y - y)
         )
         angle = math.remainder(angle, math.tau) * (1 - _RETURN)
         if max(abs(dx) / self._size, abs(dy) / self._size, abs(angle)) < _MIN_OFFSET:

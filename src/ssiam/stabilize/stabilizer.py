@@ -14,7 +14,7 @@ from ssiam.stabilize.config import StabilizerConfig
 
 
 class Stabilizer(DeepCopied):
-    """Turns camera motions into ``stab_from_raw``, one frame at a time, without delay.
+    """Computes ``stab_from_raw`` from camera motions, one frame at a time, without delay.
 
     Threads: one thread at a time for each object; several objects are independent.
 
@@ -27,7 +27,7 @@ class Stabilizer(DeepCopied):
     Raises
     ------
     ArgumentError
-        It is not a `StabilizerConfig`.
+        `config` is not a `StabilizerConfig`.
     """
 
     def __init__(self, config: StabilizerConfig) -> None:
@@ -39,16 +39,16 @@ class Stabilizer(DeepCopied):
         self._stab_from_raw: Transform = IDENTITY
 
     def update(self, motion: Motion) -> Transform:
-        """M_t of eq. 7: maps raw-frame pixels to the stabilized frame, (3, 3) float64.
+        """M_t of eq. 7, (3, 3) float64: maps raw-frame pixels to stabilized pixels.
 
-        The frame's border is not included. If the motion is not reliable, the previous view is
-        returned and the path stays as it is: a wrong motion would move the target out of the
+        The border of `FrameView` is not included. If the motion is not reliable, the previous view
+        is returned and the path is not changed: a wrong motion would move the target out of the
         search region.
 
         Raises
         ------
         ArgumentError
-            It is not a `Motion`.
+            `motion` is not a `Motion`.
         """
         if not isinstance(motion, Motion):
             raise ArgumentError(f"motion is {short_repr(motion)}: give a Motion")
@@ -70,7 +70,7 @@ class Stabilizer(DeepCopied):
     def _limited(
         self, new_trans: tuple[float, float, float], size_wh: tuple[int, int]
     ) -> tuple[float, float, float]:
-        """The limits of eq. 6, with the signs that the printed form has lost."""
+        """Apply the limits of eq. 6, with the signs that are missing in the printed form."""
         config = self._config.paper
         n = config.border
         if _max_displacement(new_trans, size_wh) < config.gate:
@@ -119,8 +119,8 @@ class CameraPath(DeepCopied):
         """Smoothed minus actual path at the current frame: dx, dy in pixels, da in radians.
 
         A background point at p in the current frame was at ``past_from_cur @ p`` in the past
-        frames; the mean of these is its position on the smoothed path. Taken at the frame center;
-        (0, 0, 0) for an empty path.
+        frames; the mean of these is its position on the smoothed path. The shift is that of the
+        frame center; (0, 0, 0) for an empty path.
         """
         if not self.started:
             return 0.0, 0.0, 0.0
@@ -137,6 +137,6 @@ def _clamped(value: float, middle: float, reach: float) -> float:
 
 
 def _max_displacement(new_trans: tuple[float, float, float], size_wh: tuple[int, int]) -> float:
-    """Upper bound of the displacement of any pixel, pixels; Fig. 2 only compares x and y."""
+    """Upper bound of the displacement of all pixels, in pixels; Fig. 2 compares only x and y."""
     dx, dy, angle = new_trans
     return math.hypot(dx, dy) + abs(angle) * math.hypot(*size_wh) / 2

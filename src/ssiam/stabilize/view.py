@@ -20,7 +20,7 @@ Color = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FrameView:
-    """A stabilized frame, of which only the requested part is computed.
+    """A stabilized frame; only the requested part is computed.
 
     Threads: a value; any number of threads may share it.
 
@@ -54,7 +54,7 @@ class FrameView:
         return bool(np.array_equal(self.stab_from_raw, IDENTITY))
 
     def crop(self, center_xy: tuple[float, float], side: int, out: int, fill: Color) -> Image:
-        """A square of the stabilized frame, resized to (out, out, 3) uint8.
+        """Crop a square of the stabilized frame, resized to (out, out, 3) uint8 BGR.
 
         On a raw view this is the reference trackers' crop (pysot's `get_subwindow`) bit for bit,
         including its rounding of the corner; on a stabilized view it is the same square.
@@ -70,7 +70,7 @@ class FrameView:
         fill : (3,) float64
             Color outside of the frame, BGR; its fractions are truncated.
         """
-        # The references take the corner at centre - (side + 1) / 2, rounded half up.
+        # The reference trackers round the corner center - (side + 1) / 2 half up.
         left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in center_xy)
         color = np.trunc(fill).tolist()
         if self.is_raw:
@@ -81,12 +81,14 @@ class FrameView:
         )
         return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), color)
 
-    def render(self, around: XYWH | None = None) -> Image:
-        """The whole stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
+    def render(self, part: XYWH | None = None) -> Image:
+        """Render the stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
+
+        A raw view without a border is the raw frame, not a copy of it.
 
         Parameters
         ----------
-        around : (x, y, w, h), optional
+        part : (x, y, w, h), optional
             Render only this part of a stabilized frame, stabilized pixels; the rest is black. A
             raw view is always rendered whole.
         """
@@ -98,7 +100,7 @@ class FrameView:
             return np.asarray(bordered, dtype=np.uint8)
         width, height = self.size_wh
         size_wh = width + 2 * n, height + 2 * n
-        left, top, right, bottom = _part(around, n, size_wh)
+        left, top, right, bottom = _part_limits(part, n, size_wh)
         rendered = np.zeros((size_wh[1], size_wh[0], 3), np.uint8)
         if left < right and top < bottom:
             stab_from_part = np.array([[1.0, 0, left - n], [0, 1, top - n], [0, 0, 1]])
@@ -108,11 +110,13 @@ class FrameView:
         return rendered
 
 
-def _part(around: XYWH | None, border: int, size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
+def _part_limits(
+    part: XYWH | None, border: int, size_wh: tuple[int, int]
+) -> tuple[int, int, int, int]:
     """Left, top, right, bottom of the rendered pixels that contain a box of stabilized pixels."""
-    if around is None:
+    if part is None:
         return 0, 0, *size_wh
-    x, y, w, h = around
+    x, y, w, h = part
     low, high = np.floor([x, y]) + border, np.ceil([x + w, y + h]) + border
     left, top = np.clip(low, 0, size_wh).astype(int).tolist()
     right, bottom = np.clip(high, 0, size_wh).astype(int).tolist()
@@ -122,7 +126,7 @@ def _part(around: XYWH | None, border: int, size_wh: tuple[int, int]) -> tuple[i
 def _warp(
     raw: Image, raw_from_out: Transform, size_wh: tuple[int, int], color: list[float]
 ) -> Image:
-    """Image of (width, height) pixels whose pixel p is the raw frame at ``raw_from_out @ p``."""
+    """Warp to (width, height) pixels: pixel p is the raw frame at ``raw_from_out @ p``."""
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpAffine(
         raw,
@@ -147,8 +151,8 @@ def _subwindow(raw: Image, left: int, top: int, side: int, out: int, color: list
         inside = np.full((side, side, 3), color, dtype=np.uint8)
     elif inside.shape[:2] != (side, side):
         y, x = max(-top, 0), max(-left, 0)
-        below, beside = side - y - inside.shape[0], side - x - inside.shape[1]
-        padded = cv2.copyMakeBorder(inside, y, below, x, beside, cv2.BORDER_CONSTANT, value=color)
+        below, right_of = side - y - inside.shape[0], side - x - inside.shape[1]
+        padded = cv2.copyMakeBorder(inside, y, below, x, right_of, cv2.BORDER_CONSTANT, value=color)
         inside = np.asarray(padded, dtype=np.uint8)
     if side == out:
         return np.ascontiguousarray(inside)

@@ -26,10 +26,10 @@ SHAKE_BORDERS: Final[tuple[ShakeBorder, ...]] = get_args(ShakeBorder)
 _REACH: Final = 3.0  # standard deviations at which a path is limited if the border is cropped
 _MIN_SIDE: Final = 16  # px of the cropped output
 
-_EXPOSURE_STEPS: Final = 11  # images of which a motion-blurred one is the mean
-# Rounds that find the row which reads a point. Each multiplies the error by the distance that the
-# camera moves during the readout, in frame heights.
-_READOUT_ROUNDS: Final = 25
+_EXPOSURE_STEPS: Final = 11  # images that are averaged for a motion-blurred one
+# Fixed-point iterations that find the row in which a point is read. Each multiplies the error by
+# the distance, in frame heights, that the camera moves during the readout.
+_READOUT_ITERATIONS: Final = 25
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ class Shake:
         check_choice("border of shake", self.border, SHAKE_BORDERS)
         for name in ("strength", "exposure", "readout"):
             if not 0 <= (value := getattr(self, name)) <= 1:
-                raise ArgumentError(f"{name} of shake {value}: give a share from 0 to 1")
+                raise ArgumentError(f"{name} of shake is {value}: give a share from 0 to 1")
         if self.seed < 0:
-            raise ArgumentError(f"seed of shake {self.seed}: give 0 or more")
+            raise ArgumentError(f"seed of shake is {self.seed}: give 0 or more")
 
     @property
     def label(self) -> str:
@@ -94,7 +94,7 @@ class Shake:
 
 
 def camera_path(shake: Shake, count: int, size_wh: tuple[int, int], name: str = "") -> Transform:
-    """shaken_from_raw (count, 3, 3) of every frame; it depends on the arguments only.
+    """shaken_from_raw (count, 3, 3) float64 of every frame; it depends only on the arguments.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def camera_path(shake: Shake, count: int, size_wh: tuple[int, int], name: str = 
     Raises
     ------
     ArgumentError
-        Nothing of the frame is left after cropping.
+        Less than 16 pixels of the width or height are left after cropping.
     """
     return shaking_camera(shake, count, size_wh, name).poses(np.arange(count, dtype=np.float64))
 
@@ -131,7 +131,7 @@ def shaking_camera(shake: Shake, count: int, size_wh: tuple[int, int], name: str
 
 
 def _cropped(path: ShakePath, shake: Shake, size_wh: tuple[int, int]) -> ShakePath:
-    """The path with limits, and an output window that stays inside of the raw frame."""
+    """The path with limits, and with an output that stays inside the raw frame."""
     limits = _REACH * shake.strength * deviations(shake.kind, size_wh[0])
     dx, dy, angle, log_zoom = limits.tolist()
     x, y = path.center_xy
@@ -170,18 +170,18 @@ class ShakingCamera:
         return np.asarray(self.path.at(moments).mean(axis=-3))
 
     def row_poses(self, points: Points, frames: Floats) -> Transform:
-        """shaken_from_raw (P, 3, 3) of the rows that read raw points (P, 2) in frames (P,)."""
+        """shaken_from_raw (P, 3, 3) of the rows that read raw points (P, 2) of frames (P,)."""
         if self.readout == 0:
             return self.poses(frames)
         moments = frames[:, None] + self._exposure_times()
         poses = self.path.at(moments)
-        for _ in range(_READOUT_ROUNDS):
+        for _ in range(_READOUT_ITERATIONS):
             rows = np.einsum("pkj,pj->pk", poses[..., 1, :2], points) + poses[..., 1, 2]
             poses = self.path.at(moments + self._delays(rows))
         return np.asarray(poses.mean(axis=1))
 
     def render(self, raw: Image, index: int) -> Image:
-        """The camera's image (H, W, 3) uint8 of the raw frame with that index."""
+        """The camera's image (H, W, 3) uint8 BGR of the raw frame with index `index`."""
         times = index + self._exposure_times()
         if len(times) == 1:
             return self._exposed(raw, times[0])

@@ -35,7 +35,7 @@ _MODULATION_DEPTH: Final = 0.5
 _PROBABILITY: Final = 0.05  # of a gust in a frame
 _THRESHOLD: Final = 1.6449  # a normal number exceeds it with that probability
 _DECAY: Final = 10.0  # frames until 37 % of a gust remains
-_WARMUP: Final = 100  # frames drawn before the first one
+_WARMUP: Final = 100  # frames sampled before the first one
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,8 @@ def sample_path(
 ) -> ShakePath:
     """A random path over `count` frames of (width, height) pixels, without limits.
 
-    It depends on the arguments only; `name` is that of the sequence, so that each has another path.
+    It depends only on the arguments; `name` is the name of the sequence, so that each sequence has
+    a different path.
     """
     entropy = [seed, *(zlib.crc32(text.encode()) for text in (name, kind))]
     rng = np.random.default_rng(entropy)
@@ -113,7 +114,7 @@ def _white(count: int, rng: np.random.Generator) -> Floats:
 
 
 def _handheld(count: int, rng: np.random.Generator) -> Floats:
-    """Amplitude 1/f with random phases; the number of samples is a power of two."""
+    """Noise of amplitude 1/f with random phases; the number of samples is a power of two."""
     samples = max(_MIN_SAMPLES, 1 << (count - 1).bit_length())
     frequency = np.fft.rfftfreq(samples)[1:-1, None]
     amplitude = 1 / np.maximum(frequency, _MIN_FREQUENCY)
@@ -125,6 +126,7 @@ def _handheld(count: int, rng: np.random.Generator) -> Floats:
 
 
 def _vibration(count: int, rng: np.random.Generator) -> Floats:
+    """Sinusoids with modulated amplitude."""
     shape = (_SINUSOIDS, 1, 4)
     time = np.arange(count)[:, None]
     phase, modulation_phase = rng.uniform(0, 2 * np.pi, (2, *shape))
@@ -137,10 +139,11 @@ def _vibration(count: int, rng: np.random.Generator) -> Floats:
 
 
 def _gusts(count: int, rng: np.random.Generator) -> Floats:
-    kicks = rng.normal(size=(_WARMUP + count, 5))
-    kicks = np.where(kicks[:, 4:] > _THRESHOLD, kicks[:, :4], 0.0)
-    decay = np.exp(-np.arange(len(kicks)) / _DECAY)
-    series = [np.convolve(column, decay)[_WARMUP : _WARMUP + count] for column in kicks.T]
+    """Random impulses that decay exponentially."""
+    impulses = rng.normal(size=(_WARMUP + count, 5))
+    impulses = np.where(impulses[:, 4:] > _THRESHOLD, impulses[:, :4], 0.0)
+    decay = np.exp(-np.arange(len(impulses)) / _DECAY)
+    series = [np.convolve(column, decay)[_WARMUP : _WARMUP + count] for column in impulses.T]
     deviation = np.sqrt(_PROBABILITY / (1 - np.exp(-2 / _DECAY)))
     return np.asarray(np.stack(series, axis=1) / deviation)
 

@@ -25,7 +25,7 @@ class ShakenSequence(VideoSequence):
     Attributes
     ----------
     truth : (N, 4) or (N, 8) float64
-        Ground truth in the shaken frames; nan also where the target has left them.
+        Ground truth in the shaken frames; nan where it is unknown, or the target is outside them.
     raw : VideoSequence
         The raw sequence; its `size_wh` is set.
     shake : Shake
@@ -48,7 +48,7 @@ class ShakenSequence(VideoSequence):
         SourceError, StreamError
             As `VideoSequence.images`.
         FrameSizeError
-            A frame has another size than the first one, or than the dataset says.
+            A frame does not have the `size_wh` of the raw sequence.
         """
         if self.shake.strength == 0:
             yield from self.raw.images(start)
@@ -58,7 +58,7 @@ class ShakenSequence(VideoSequence):
             if image.shape[:2] != (height, width):
                 raise FrameSizeError(
                     f"sequence {self.name}: frame {index} is {image.shape[1]}x{image.shape[0]}, "
-                    f"not {width}x{height} pixels; shaking needs one size"
+                    f"not {width}x{height} pixels; shake needs frames of one size"
                 )
             yield self.camera.render(image, index)
 
@@ -66,13 +66,13 @@ class ShakenSequence(VideoSequence):
 def shaken(sequence: VideoSequence, shake: Shake) -> ShakenSequence:
     """The sequence with camera shake added to the camera's own motion.
 
-    Reads the first image if the sequence does not have the size of its frames. With a strength of
-    0 frames and ground truth are the raw ones, bit for bit.
+    Reads the first image if the `size_wh` of the sequence is not known. With a strength of 0,
+    frames and ground truth are the raw ones, bit for bit.
 
     Raises
     ------
     ArgumentError
-        Nothing of the frame is left after cropping.
+        Less than 16 pixels of the width or height are left after cropping.
     SourceError, StreamError
         The first image cannot be read.
     """
@@ -117,22 +117,22 @@ def _mapped_others(
 
 
 def _mapped(truth: NDArray[np.float64], camera: ShakingCamera) -> NDArray[np.float64]:
-    """Boxes (N, 4) or polygons (N, 8) of the raw frames in the frames of the camera."""
-    found = np.full_like(truth, np.nan)
+    """Map boxes (N, 4) or polygons (N, 8) of the raw frames to the frames of the camera."""
+    mapped_truth = np.full_like(truth, np.nan)
     known = np.flatnonzero(np.isfinite(truth).all(axis=1))
     rows = truth[known]
     if truth.shape[1] == 4:
         poses = camera.row_poses(rows[:, :2] + rows[:, 2:] / 2, known.astype(np.float64))
         for index, pose in zip(known, poses, strict=True):
-            found[index] = map_box(pose, truth[index])
+            mapped_truth[index] = map_box(pose, truth[index])
     else:
         corners = rows.reshape(-1, 2)
         poses = camera.row_poses(corners, np.repeat(known, 4).astype(np.float64))
         mapped = (poses[:, :2, :2] @ corners[:, :, None])[:, :, 0] + poses[:, :2, 2]
-        found[known] = mapped.reshape(-1, 8)
-    outside = [index for index in known if _outside(found[index], camera.size_wh)]
-    found[outside] = np.nan
-    return found
+        mapped_truth[known] = mapped.reshape(-1, 8)
+    outside = [index for index in known if _outside(mapped_truth[index], camera.size_wh)]
+    mapped_truth[outside] = np.nan
+    return mapped_truth
 
 
 def _outside(row: NDArray[np.float64], size_wh: tuple[int, int]) -> bool:

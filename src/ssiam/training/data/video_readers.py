@@ -156,7 +156,7 @@ def read_mot(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     for path in clip_folders(folder):
         if path.resolve().name in names:
             with errors.skip():
-                tracks += _mot_tracks(read_clip(path, least_visible=_MOT_MIN_VISIBLE))
+                tracks += _mot_tracks(read_clip(path, min_visibility=_MOT_MIN_VISIBLE))
     errors.check()
     return tracks
 

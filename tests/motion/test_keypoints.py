@@ -9,7 +9,7 @@ from ssiam.motion.keypoints import KeypointGenerator, _spread
 
 SIZE = (640, 360)
 TEXTURED = cv2.cvtColor(world(), cv2.COLOR_BGR2GRAY)
-LEAST = {  # keypoints of a textured frame, and cells of a 16 x 12 grid that they cover
+MINIMUM = {  # keypoints of a textured frame, and cells of a 16 x 12 grid that they cover
     "orb": (400, 120),
     "gftt": (150, 90),
     "harris": (120, 80),
@@ -18,12 +18,12 @@ LEAST = {  # keypoints of a textured frame, and cells of a 16 x 12 grid that the
 }
 
 
-@pytest.mark.parametrize("name", LEAST)
+@pytest.mark.parametrize("name", MINIMUM)
 def test_a_textured_frame_has_keypoints_all_over(name):
     points = KeypointGenerator(name)(TEXTURED, None)
-    least_points, least_cells = LEAST[name]
-    assert len(points) >= least_points
-    assert len(_spread(points, SIZE)) >= least_cells
+    min_points, min_cells = MINIMUM[name]
+    assert len(points) >= min_points
+    assert len(_spread(points, SIZE)) >= min_cells
 
 
 def test_harris_rejects_points_on_a_strong_edge_that_gftt_accepts():

@@ -1,4 +1,4 @@
-"""Who decides the camera's motion: what is left out, what is refused, and what counts once."""
+"""Overlays, scene cuts, outliers and textured targets do not change the estimated motion."""
 
 import cv2
 import numpy as np
@@ -34,8 +34,8 @@ def with_panels(frame):
     return covered
 
 
-def test_an_overlay_that_was_learned_is_left_out_of_slow_motion():
-    """The panels are learned in a fast pan; a slow one fits their standing still almost as well."""
+def test_a_detected_overlay_is_not_used_in_slow_motion():
+    """The panels are detected in a fast pan; in a slow pan, no motion fits them almost as well."""
     fast, slow = 12.0 * np.arange(6), 60 + 1.5 * np.arange(1, 9)
     path = [rigid(dx, 0, 0) for dx in (*fast, *slow)]
     camera = CameraMotion()
@@ -68,7 +68,7 @@ def test_a_jump_beyond_30_percent_of_the_longer_side_is_unreliable(keypoints, sh
 
 
 def test_the_robust_fit_finds_the_largest_group_away_from_the_mean():
-    """Of three motions the least-squares fit is close to the middle one."""
+    """With three motions, the least-squares fit is close to the middle one."""
     r = generator(1)
     prev_xy = r.uniform((0, 0), (640, 360), (150, 2))
     truth = rigid(12, -5, 0.02, (320, 180))
@@ -80,16 +80,16 @@ def test_the_robust_fit_finds_the_largest_group_away_from_the_mean():
     assert inliers == pytest.approx(60 / 150, abs=0.02)
 
 
-def test_one_keypoint_a_cell_the_strongest():
-    """Cells are 40 x 30 pixels; keypoints come strongest first."""
+def test_the_strongest_keypoint_of_each_cell_is_used():
+    """Cells are 40 x 30 pixels; keypoints are sorted, strongest first."""
     points = np.array([[5, 5], [39, 29], [41, 5], [6, 6], [639, 359]], np.float32)
-    kept = _spread(points, SIZE)
-    assert sorted(map(tuple, kept.tolist())) == [(5, 5), (41, 5), (639, 359)]
+    spread = _spread(points, SIZE)
+    assert sorted(map(tuple, spread.tolist())) == [(5, 5), (41, 5), (639, 359)]
 
 
 @pytest.mark.parametrize("keypoints", ["orb", "gftt"])
-def test_area_outvotes_texture_among_keypoints(keypoints):
-    """A target with most of the keypoints on 5 % of the area does not win without its box."""
+def test_a_small_textured_target_has_no_effect_without_its_box(keypoints):
+    """It covers 5 % of the frame and has most of the keypoints."""
     pale = (SCENE // 3 + 90).astype(np.uint8)
     target = np.clip((world(9)[:90, :120].astype(int) - 120) * 2 + 120, 0, 255).astype(np.uint8)
     path = poses(generator(4).normal(0, (4, 4, 0.005), (8, 3)), SIZE)
