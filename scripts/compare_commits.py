@@ -4,7 +4,7 @@
 
 AFTER is HEAD unless given. Tracks, benchmarks, evaluates and trains on the example clip and on the
 shared test data, prints each file that differs, and exits with 1 if any does. Durations, dates and
-the paths of the two folders are left out; help texts and messages are not compared, nor are real-time
+the paths of the two folders are left out. Help texts and messages are not compared, nor real-time
 runs, which depend on the speed of the machine.
 """
 

@@ -11,13 +11,13 @@ from typing import Any, Final, TypeAlias
 
 import torch
 
-from ssiam.errors import ArgumentError, SinkError, WeightsError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
-from ssiam.outputs import NamedPath, atomic_write, check_distinct, output_error
+from ssiam.outputs import NamedPath, atomic_write, check_distinct, make_folder, output_error
 from ssiam.runtime.files import sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, move_export
 from ssiam.training.config import from_table
@@ -29,7 +29,6 @@ __all__ = [
     "CHECKPOINT",
     "WEIGHTS",
     "check_run_outputs",
-    "make_folder",
     "read_checkpoint",
     "write_checkpoint",
     "write_network",
@@ -106,14 +105,6 @@ def write_pth(path: Path, content: Any) -> None:
     torch.save(content, data)
     with atomic_write(path, "wb", hidden=True) as file:
         file.write(data.getbuffer())
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder if it does not exist; `SinkError` if that fails."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SinkError(f"{folder} cannot be made: {error.strerror or error}") from error
 
 
 def _as_json(settings: TrainSettings) -> Any:

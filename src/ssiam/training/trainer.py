@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from ssiam.errors import WeightsError
+from ssiam.outputs import make_folder
 from ssiam.training.checkpoints import (
-    make_folder,
     read_checkpoint,
     write_checkpoint,
     write_network,

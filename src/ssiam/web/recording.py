@@ -16,7 +16,7 @@ from time import monotonic
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
-from ssiam.outputs import make_folder
+from ssiam.outputs import make_folder, output_error
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.results import Row
 from ssiam.web.events import Listeners, StepQueue
@@ -250,7 +250,7 @@ class _Recorder:
         try:
             folder.mkdir()
         except OSError as error:
-            raise SinkError(f"{folder} cannot be created: {error.strerror or error}") from error
+            raise output_error(folder, error) from error
         self._folder, self.name = RecordingFolder(folder), folder.name
         self.is_open = True
         self._finished, self._notify = finished, notify
