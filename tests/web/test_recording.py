@@ -220,7 +220,7 @@ def test_without_a_folder_recordings_are_deleted(recordings):
 
 def test_a_folder_that_cannot_be_created_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SinkError, match="file/there cannot be created"):
+    with pytest.raises(SinkError, match="file/there: cannot be written"):
         Recordings(tmp_path / "file" / "there")
 
 
