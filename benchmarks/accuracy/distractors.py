@@ -4,17 +4,17 @@
         [--stabilize predict] [--clips FOLDER ...] [--seeds 1] [--verbose]
 
 Each object of clips in MOTChallenge's layout that is annotated in 20 frames or more, and whose
-first box has sides of 8 px or more, is tracked separately: one pass from its first frame on, for up
-to 90 frames. The outcome is decided by the last five frames in which the target is annotated. On
-another object: the median overlap with the target is below .2, and with the most overlapped other
-object above .3. Off the target: the median overlap is below .1. The mean overlap is over all
-annotated frames but the first, then over all targets.
+first box has sides of 8 px or more, is tracked separately, in one pass of up to 90 frames. The
+outcome is decided by the last five frames in which the target is annotated. On another object: the
+median overlap with the target is below .2, and with the most overlapped other object above .3. Off
+the target: the median overlap is below .1. The mean overlap is over all annotated frames but the
+first, then over all targets.
 
 The clips are the three that are held out of all training: TUD-Campus, PETS09-S3-MF1 and
 urban-intersection, 24 targets. They are only reported; nothing was chosen on them. Boxes are used
-as written in the files; if they are taken as 1-based, NanoTrack v3 loses one target more. --seeds
-shows the sensitivity to such shifts: with each further seed the first box of every target is
-shifted by up to a pixel along x and y. Needs the folder of test data (see
+as written in the files; if they are read as 1-based, NanoTrack v3 loses one more target. --seeds
+shows the sensitivity to such shifts: for each further seed, the first box of every target is
+shifted by up to a pixel in x and in y. Needs the folder of test data (see
 benchmarks/common/data.py). A tracker may have a folder of weights: lite=runs/mine.
 """
 

@@ -4,9 +4,9 @@
 
 Each sequence is tracked once from its first box, without stabilization. The goals are a success
 (area under OTB's curve) within .01 of that of f32, and a mean overlap of .90 with the boxes of f32.
-The table also has both for every second sequence, on which the int8 scheme was chosen, and for the
-others. int8 is calibrated on other images: two videos and a photo. Needs the folder of test data
-(see benchmarks/common/data.py).
+The table also has both numbers for every second sequence, on which the int8 scheme was chosen, and
+for the other sequences. int8 is calibrated on other images: two videos and a photo. Needs the
+folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Measurements that produce constants in src; README.md lists which script produces which."""
+"""Measurements that produce constants in src; README.md lists the constants of each script."""

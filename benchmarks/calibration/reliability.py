@@ -1,4 +1,4 @@
-"""Accuracy of `Motion.reliable`: known motion, with frames of no or other content in between.
+"""Accuracy of `Motion.reliable` on known motion, with some frames replaced or blurred.
 
     python benchmarks/calibration/reliability.py [--frames 60] [--seeds 3]
 
@@ -27,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.motion.clips import Clip, corner_distances, drawn_clips
 
 REPLACEMENTS = ("black", "noise", "cut", "blur", "dark")
-EVERY = 12
-FAR = 1.0  # % of the width
+EVERY = 12  # frames from one replacement to the next
+FAR = 1.0  # % of the width, error of a bad step
 
 
 def with_replacements(clip: Clip, seed: int) -> tuple[list[Image], list[str]]:

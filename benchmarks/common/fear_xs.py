@@ -2,10 +2,10 @@
 
 FEAR: Fast, Efficient, Accurate and Robust Visual Tracker (ECCV 2022). The weights are those that
 its authors publish (github.com/PinataFarms/FEARTracker, MIT), as ONNX in the folder of test data.
-The tracker is not part of the package, nor a dependency of it.
+The tracker is neither part of the package nor a dependency of it.
 
-Its loop works in whole pixels and is sensitive to single pixels: how a box is rounded decides
-whether it tracks the skier of the test sequences.
+Its loop works in whole pixels and is sensitive to single pixels: whether it tracks the skier of the
+test sequences depends on how a box is rounded.
 """
 
 from __future__ import annotations

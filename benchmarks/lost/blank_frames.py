@@ -41,9 +41,9 @@ DEMO = EXAMPLES / "shaky-walker.mp4"
 
 Floats = NDArray[np.float64]
 
-BEFORE, AFTER = 25, 30  # frames
-TRACKED, MISSED = 0.5, 0.1  # IoU
-LONG = 5  # frames
+BEFORE, AFTER = 25, 30  # frames before and after the gap
+TRACKED, MISSED = 0.5, 0.1  # IoU of a tracked and of a missed target
+LONG = 5  # wrong frames that are counted separately
 HEAD = (
     "tracker",
     "gaps",
@@ -190,13 +190,14 @@ def main() -> None:
                 plain_boxes = np.insert(plain_boxes, gap_frames, plain_boxes[gap.first - 1], axis=0)
             expected = iou(plain_boxes, gap.truth) >= TRACKED
             is_wrong = (overlap < MISSED) & ~lost & expected
-            held = (overlap >= TRACKED) & ~lost
+            is_tracked = (overlap >= TRACKED) & ~lost
             count = int(is_wrong[gap.end :].sum())
             shift = float(np.abs(boxes[gap.first : gap.end] - boxes[gap.first - 1]).max())
             wrong, long, moved = wrong + (count > 0), long + (count >= LONG), moved + (shift > 1)
-            back += bool(held[gap.end : gap.end + AFTER].any())
+            back += bool(is_tracked[gap.end : gap.end + AFTER].any())
             if arguments.verbose:
-                after = int(held[gap.end :].argmax()) if held[gap.end :].any() else "never"
+                rest = is_tracked[gap.end :]
+                after = int(rest.argmax()) if rest.any() else "never"
                 print(
                     f"{name} {gap.name}: moved {shift:.0f}, wrong {count} (without a gap on the "
                     f"target in {expected[gap.end :].sum()} of {expected[gap.end :].size}), "

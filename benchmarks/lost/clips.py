@@ -1,4 +1,4 @@
-"""Clips made of real sequences in which the target is absent for a while, with its true position.
+"""Clips made from real sequences, with true boxes, in which the target is absent for a while.
 
 There are three kinds: the target is covered, out of the frame, or replaced by a cut to another
 sequence. Random choices depend only on the name of the clip, so the clips are the same in every
@@ -63,7 +63,7 @@ class AbsenceClip:
 
 
 class UnsuitableError(Exception):
-    """A clip cannot be made of a sequence, with the reason."""
+    """A clip cannot be made from a sequence; the message is the reason."""
 
 
 def absence_clips(
@@ -119,7 +119,7 @@ def _texture_window(
     for x, y in rng.integers(0, np.array([width - w, height - h]), (TRIES, 2)).tolist():
         if not any(_overlap(np.array(each), (x, y), (w, h)) for each in (box, cover)):
             return x, y, w, h
-    raise UnsuitableError("no background beside the target to cover it with")
+    raise UnsuitableError("no background next to the target that could cover it")
 
 
 def _covered_frames(
@@ -164,7 +164,7 @@ def _panned(
         if _is_clean(path := _pan(raw, share, view, size, axis, side), raw, share == 0, view, size)
     ]
     if not paths:
-        raise UnsuitableError("the target moves too far to leave it out")
+        raise UnsuitableError("the target moves too far for a view without it")
     path = min(paths, key=lambda path: float(_mirrored_share(path, view, size).max()))
     boxes = np.hstack([raw[:, :2] - path, raw[:, 2:]])
     hidden = np.flatnonzero(~_overlap(boxes, (0, 0), view))

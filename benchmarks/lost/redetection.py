@@ -39,7 +39,7 @@ TRACKED = 0.5  # IoU of a tracked target
 BEFORE = 5  # last frames before the absence, whose median decides whether the target is tracked
 DETECTION_LIMIT = 10  # frames until the loss should be reported
 REDETECTION_LIMIT = 30  # frames until the target should be re-detected
-HELD, OF = 10, 15  # frames in which it must be tracked after re-detection
+MIN_TRACKED, WINDOW = 10, 15  # after re-detection it must be tracked in 10 of 15 frames
 FALSE_CLAIM = 5  # consecutive frames in which something else is reported as the target
 NEVER = float("inf")
 
@@ -68,7 +68,7 @@ class Case:
     setting : str
         Tracker and stabilization method.
     name, kind : str
-        Of the clip.
+        Name and kind of the clip.
     tracked : bool
         Whether the target was tracked before the absence.
     reported_after, found_after : float
@@ -118,7 +118,7 @@ def evaluate(setting: str, clip: AbsenceClip, boxes: Floats, lost: NDArray[np.bo
     first, end = clip.absence
     overlap = iou(boxes, clip.truth)
     overlap[0] = np.nan  # the given box
-    held = ~lost & (overlap > TRACKED)
+    is_tracked = ~lost & (overlap > TRACKED)
     claimed = ~lost[first + DETECTION_LIMIT : end]
     elsewhere = ~(iou(boxes, clip.full_truth)[first + DETECTION_LIMIT : end] > TRACKED)
     before = overlap[:first][~np.isnan(overlap[:first])]
@@ -128,7 +128,7 @@ def evaluate(setting: str, clip: AbsenceClip, boxes: Floats, lost: NDArray[np.bo
         clip.kind,
         tracked=bool(np.median(before[-BEFORE:]) > TRACKED),
         reported_after=float(next(iter(np.flatnonzero(lost[first:end])), NEVER)),
-        found_after=_frames_to_redetect(held[end:]),
+        found_after=_frames_to_redetect(is_tracked[end:]),
         absent=len(claimed),
         claims=int(claimed.sum()),
         longest_claim=_longest_run(claimed),
@@ -138,10 +138,10 @@ def evaluate(setting: str, clip: AbsenceClip, boxes: Floats, lost: NDArray[np.bo
     )
 
 
-def _frames_to_redetect(held: NDArray[np.bool_]) -> float:
-    """The first frame with the target tracked that is followed by enough such frames."""
-    for index in np.flatnonzero(held):
-        if held[index + 1 : index + 1 + OF].sum() >= HELD:
+def _frames_to_redetect(is_tracked: NDArray[np.bool_]) -> float:
+    """Index of the first frame with the target tracked that is followed by enough such frames."""
+    for index in np.flatnonzero(is_tracked):
+        if is_tracked[index + 1 : index + 1 + WINDOW].sum() >= MIN_TRACKED:
             return float(index)
     return NEVER
 

@@ -44,6 +44,7 @@ class Score:
 
     def summary(self) -> dict[str, Any]:
         """Names, figures and failure, for a JSON file."""
+        # The files have always called the source "place".
         fields = {
             "place" if key == "source" else key: value
             for key, value in vars(self).items()

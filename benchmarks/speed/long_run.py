@@ -1,4 +1,4 @@
-"""Time per frame and memory, early and late in a long stream; they should be equal.
+"""Time per frame and memory at the beginning and at the end of a long stream; both should be equal.
 
     python benchmarks/speed/long_run.py [--frames 20000]
 

@@ -6,7 +6,7 @@
 The first table is for one thread. All methods process every frame, in a changing order. The steps
 of an update (camera motion, prediction, the tracker on its view) are timed separately; the extra
 time of the tracker compared with off is the crop from a stabilized view. The second table is for
-predict with the next frame given (`following`), whose motion a second core estimates meanwhile: off
+predict with the next frame given (`following`): a second core estimates its motion in advance. Off
 and predict process blocks of frames in turn, without and with it. All figures are medians over the
 frames. The video is scaled to each size. Needs the folder of test data (see
 benchmarks/common/data.py) unless --source is given.

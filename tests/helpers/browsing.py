@@ -99,7 +99,7 @@ class Visitor:
         self.page.close()
 
     def state(self):
-        """What the page shows: the step, the boxes, whether the frame is frozen for drawing."""
+        """What the page shows: the step, the boxes, and whether the frame is frozen for drawing."""
         return self.page.evaluate(_WATCH)
 
     def until(self, condition):

@@ -27,6 +27,7 @@ def scene(*boxes, seed=0, size_wh=SIZE_WH):
 
 
 def mask_of(*boxes, size_wh=SIZE_WH, labels=None):
+    """A label image (H, W) uint8 of boxes, with 255 in each unless `labels` are given."""
     mask = np.zeros(size_wh[::-1], np.uint8)
     for number, (x, y, w, h) in enumerate(boxes):
         mask[y : y + h, x : x + w] = (labels or [255] * len(boxes))[number]

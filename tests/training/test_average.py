@@ -10,7 +10,7 @@ KEPT = 0.9
 
 
 def network(value, batches):
-    """A network whose weights are all one value, and which has seen this number of batches."""
+    """A network with all weights equal to `value`, trained on a number of batches."""
     built = torch.nn.BatchNorm1d(3)
     for each in built.state_dict().values():
         each.fill_(value if each.is_floating_point() else batches)

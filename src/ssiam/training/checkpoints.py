@@ -40,19 +40,19 @@ CHECKPOINT: Final = "checkpoint.pth"
 
 State: TypeAlias = dict[str, Any]
 
-# Names in network.json.
+# Names of networks and pieces in network.json.
 _LITE: Final = "lite"
 _LITE2: Final = "lite2"
 _MASK: Final = "mask"
 _PIECES: Final = ("template", "search", "mask")
-# Input shapes of the pieces.
+# Input shapes of the pieces: template kernel of a head, its core, crop of the mask network.
 _KERNEL: Final = (1, 64, 96)
 _CORE: Final = (1, 96, 4, 4)
 _MASK_CROP: Final = (1, 3, BOX_MASK_CROP, BOX_MASK_CROP)
 
 
 def write_checkpoint(folder: Path, settings: TrainSettings, state: Mapping[str, Any]) -> None:
-    """Write a run's state: tensors, numbers, strings and containers of them.
+    """Write a run's state, which consists of tensors, numbers, strings and containers of them.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
     WeightsError
         The file is damaged, or not a checkpoint.
     ArgumentError
-        It is of a run with other settings; the message names the first difference.
+        It belongs to a run with other settings; the message names the first difference.
     """
     path = folder / CHECKPOINT
     if not path.exists():
@@ -93,14 +93,14 @@ def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
 
 
 def write_pth(path: Path, content: Any) -> None:
-    """Write what PyTorch can serialize; a kill leaves the old file or the new one.
+    """Write an object with `torch.save`; if the process is killed, the old file is unchanged.
 
     Raises
     ------
     SinkError
         The file cannot be written.
     """
-    # PyTorch's error for a full disk does not name the cause; that of a file does.
+    # If the disk is full, PyTorch's error does not name the cause; that of a plain file does.
     data = BytesIO()
     torch.save(content, data)
     with atomic_write(path, "wb", hidden=True) as file:
@@ -112,7 +112,7 @@ def _as_json(settings: TrainSettings) -> Any:
 
 
 def _with_defaults(values: Any) -> Any:
-    """A stored run's settings, completed by the defaults of settings that are newer than it."""
+    """The settings of a stored run, with defaults for those that are newer than the run."""
     try:
         return _as_json(from_table(TrainSettings, _without_none(values)))
     except (ArgumentError, AttributeError, TypeError):  # of a later version
@@ -131,15 +131,15 @@ def _difference(theirs: Any, ours: Any, name: str = "") -> str:
         if len(theirs) != len(ours):
             return f"{name} are {len(theirs)} there and {len(ours)} here"
         pairs = zip(theirs, ours, strict=True)
-        found = (_difference(*pair, f"{name}[{i}]") for i, pair in enumerate(pairs))
+        differences = (_difference(*pair, f"{name}[{i}]") for i, pair in enumerate(pairs))
     elif isinstance(theirs, dict) and isinstance(ours, dict):
-        found = (
+        differences = (
             _difference(theirs.get(key), ours.get(key), f"{name}.{key}" if name else key)
             for key in sorted(theirs.keys() | ours.keys())
         )
     else:
         return "" if theirs == ours else f"{name} is {theirs!r} there and {ours!r} here"
-    return next(filter(None, found), "")
+    return next(filter(None, differences), "")
 
 
 def check_run_outputs(
@@ -151,7 +151,7 @@ def check_run_outputs(
     ----------
     settings : TrainSettings
     option : str
-        That gave the folder, for the message.
+        Command-line option that gave the folder, for messages.
     folder : Path
     inputs : sequence of (str, Path)
         Further input files.
@@ -199,7 +199,7 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
 
 
 def _write_pieces(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
-    """Write all files; returns the names of the pieces."""
+    """Write all files; return the names of the pieces."""
     write_pth(folder / WEIGHTS, network.state_dict())
     if isinstance(network, BoxMaskNetwork):
         write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
@@ -239,7 +239,7 @@ def write_network_so_far(settings: TrainSettings, run: Path, folder: Path) -> in
     WeightsError
         Its checkpoint is damaged.
     SinkError
-        The folder cannot be made or written.
+        The folder cannot be created or written.
     """
     state = read_checkpoint(run, settings)
     if state is None:

@@ -49,8 +49,8 @@ def from_table(kind: type[Settings], table: Mapping[str, Any], prefix: str = "")
     Parameters
     ----------
     kind : type
-        A dataclass with fields of numbers, strings, flags, literals, dataclasses, tuples of
-        these, or None.
+        A dataclass. Its fields are numbers, strings, flags, literals, dataclasses, or tuples of
+        these, and may be optional.
     table : mapping
     prefix : str
         Name of the table with a trailing dot, for messages.
@@ -82,7 +82,7 @@ def _parse(text: str) -> dict[str, Any]:
             import tomli as tomllib
         except ModuleNotFoundError as error:
             raise MissingExtraError(
-                "tomli is not installed, which reads configs: pip install 'ssiam[train]'"
+                "the package tomli is not installed, which configs need: pip install 'ssiam[train]'"
             ) from error
     try:
         return dict(tomllib.loads(text))

@@ -47,7 +47,7 @@ class FeatureAdapter(nn.Module):
         self.projection = nn.Conv2d(CHANNELS[-1], _TEACHER_CHANNELS, 1)
 
     def forward(self, features: Tensor) -> Tensor:
-        """Features (N, 96, n, n) of (N, 112, n, n)."""
+        """Project features (N, 112, n, n) to (N, 96, n, n)."""
         projected: Tensor = self.projection(features)
         return projected
 
@@ -64,7 +64,7 @@ def lite_distillation_losses(
     ----------
     teacher : NanoTrackResponse
     responses : LiteResponses
-        The teacher's cells are between four of these cells, which are averaged.
+        Each cell of the teacher is at the corner of four of these cells, which are averaged.
     features : (N, 96, 8, 8) and (N, 96, 16, 16)
         Adapted features of template and search crop.
     settings : TeacherSettings
@@ -130,7 +130,9 @@ class StemDistillation:
         self._blocks = FrozenLevels(backbone, STEM_LEVELS, (SEARCH_CROP,), threads, precision)
 
     def loss(self, levels: list[Tensor], search: NDArray[np.uint8]) -> Tensor:
-        """Fraction of variance unexplained by `levels`, averaged over channels and levels.
+        """Fraction of the variance of the blocks' features that `levels` do not explain.
+
+        Averaged over channels and levels.
 
         Parameters
         ----------

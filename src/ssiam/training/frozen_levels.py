@@ -1,4 +1,4 @@
-"""Frozen levels of a backbone in OpenVINO, which takes a fifth of PyTorch's time."""
+"""Frozen levels of a backbone, run in OpenVINO: it takes a fifth of PyTorch's time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FrozenLevels:
     count : int
         Number of levels, 1 to 3.
     sides : sequence of int
-        Of the crops, px.
+        Sides of the crops, px.
     threads : int
     precision : {"f32", "bf16"}
     """
@@ -56,8 +56,8 @@ class FrozenLevels:
         Crops run one by one, which is fastest on a CPU.
         """
         network = self._networks[crops.shape[-1]]
-        each = [network(crop[None].astype(np.float32)) for crop in crops]
+        by_crop = [network(crop[None].astype(np.float32)) for crop in crops]
         return [
             torch.from_numpy(np.concatenate(level)).contiguous(memory_format=torch.channels_last)
-            for level in zip(*each, strict=True)
+            for level in zip(*by_crop, strict=True)
         ]

@@ -1,4 +1,4 @@
-"""Labels of the response map's cells, and the losses of responses against the truth."""
+"""Labels of the response map's cells, and losses of responses against the ground truth."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ __all__ = [
 ]
 
 _POSITIVE: Final = 0.5  # half axes of the ellipse of positive cells, relative to the box's
-_IGNORED: Final = 1.0  # of the ellipse outside of which cells are negative
+_IGNORED: Final = 1.0  # half axes of the ellipse outside which cells are negative, likewise
 _FOCAL_ALPHA: Final = 0.25  # Lin et al., ICCV 2017, table 1b
 _FOCAL_GAMMA: Final = 2.0
 _MIN_AREA: Final = 1e-6  # px^2
-_MIN_IOU: Final = 1e-3  # in the logarithm
-_FAR_BELOW: Final = 1e4  # logits, below any real one
+_MIN_IOU: Final = 1e-3  # before the logarithm
+_FAR_BELOW: Final = 1e4  # logits; its negative is below any real one
 
 
 class PairLabels(NamedTuple):
-    """The truth of N pairs: the fields of `Batch` as tensors.
+    """The ground truth of N pairs: fields of `Batch` as tensors.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class PairLabels(NamedTuple):
 
 
 def pair_labels(batch: Batch) -> PairLabels:
-    """The truth of a batch as tensors."""
+    """The ground truth of a batch as tensors."""
     return PairLabels(
         box=torch.from_numpy(batch.box),
         present=torch.from_numpy(batch.present),
@@ -90,10 +90,10 @@ def cell_labels(
 ) -> CellLabels:
     """Label the cells of the response map as positive, ignored or negative.
 
-    Positive are the cells in the ellipse with half of the box's axes, and the cell nearest to its
-    center, so that every target in the crop has one. Ignored are the others in the ellipse that
-    touches the box's sides. All others are negative, as are all cells of absent targets (SiamBAN,
-    Chen et al., CVPR 2020, section 3.3).
+    Cells in the ellipse with half of the box's axes are positive, as is the cell nearest to the
+    box's center, so that every target in the crop has one. Other cells in the ellipse that touches
+    the box's sides are ignored. All other cells are negative, as are all cells of absent targets
+    (SiamBAN, Chen et al., CVPR 2020, section 3.3).
 
     Parameters
     ----------
@@ -105,13 +105,13 @@ def cell_labels(
     stride : int
         Px of the search crop between cells.
     """
-    at = _cell_centers(box.device, cells, stride)
+    centers = _cell_centers(box.device, cells, stride)
     cx, cy, w, h = box[:, :, None].unbind(1)  # (N, 1) each
-    across = ((at - cx) / (w / 2).clamp(min=1e-3)) ** 2  # (N, n)
-    down = ((at - cy) / (h / 2).clamp(min=1e-3)) ** 2
+    across = ((centers - cx) / (w / 2).clamp(min=1e-3)) ** 2  # (N, n)
+    down = ((centers - cy) / (h / 2).clamp(min=1e-3)) ** 2
     radius = down[:, :, None] + across[:, None, :]  # squared, 1 on the ellipse of the box
     inside = present & (box[:, :2].abs() < cells * stride / 2).all(dim=1)
-    nearest = _nearest_cell(at, cy)[:, :, None] & _nearest_cell(at, cx)[:, None, :]
+    nearest = _nearest_cell(centers, cy)[:, :, None] & _nearest_cell(centers, cx)[:, None, :]
     positive = (radius < _POSITIVE**2) & present[:, None, None]
     positive = positive | (nearest & inside[:, None, None])
     ignored = (radius < _IGNORED**2) & present[:, None, None] & ~positive
@@ -134,8 +134,8 @@ def decode_boxes(distances: Tensor, stride: int = STRIDE) -> Tensor:
         Left, top, right, bottom, px of the crop from its middle pixel.
     """
     cells = int(distances.shape[-1])
-    at = _cell_centers(distances.device, cells, stride)
-    x, y = at[None, :].expand(cells, cells), at[:, None].expand(cells, cells)
+    centers = _cell_centers(distances.device, cells, stride)
+    x, y = centers[None, :].expand(cells, cells), centers[:, None].expand(cells, cells)
     left, top, right, bottom = distances.unbind(1)
     return torch.stack([x - left, y - top, x + right, y + bottom], dim=1)
 
@@ -151,10 +151,10 @@ def _cell_centers(device: torch.device, cells: int, stride: int) -> Tensor:
     return (torch.arange(cells, device=device) - (cells - 1) / 2) * stride
 
 
-def _nearest_cell(at: Tensor, center: Tensor) -> Tensor:
-    """Which cell (N, n) along an axis is nearest to the centers (N, 1)."""
-    index = (at - center).abs().argmin(dim=1)
-    return F.one_hot(index, len(at)).bool()
+def _nearest_cell(centers: Tensor, point: Tensor) -> Tensor:
+    """Flags (N, n): which cell along an axis, with `centers` (n,), is nearest to `point` (N, 1)."""
+    index = (centers - point).abs().argmin(dim=1)
+    return F.one_hot(index, len(centers)).bool()
 
 
 def lite_losses(
@@ -191,7 +191,7 @@ class Lite2Predictions(NamedTuple):
 
 
 def lite2_predictions(responses: lite2.Lite2Responses) -> Lite2Predictions:
-    """Decode the boxes of responses, once for the losses against truth and teacher."""
+    """Decode the boxes of responses, once for the losses against ground truth and teacher."""
     boxes = decode_boxes(responses.distances, lite2.STRIDE)
     return Lite2Predictions(responses.score[:, 0], responses.quality[:, 0], boxes)
 

@@ -24,8 +24,8 @@ class Metrics:
     ----------
     folder : Path
     step : int
-        First step to be written. Existing rows of this and later steps, left by a killed run, are
-        removed.
+        First step that will be written. Existing rows of this and later steps, which a killed run
+        has left, are removed.
 
     Raises
     ------
@@ -36,9 +36,9 @@ class Metrics:
     def __init__(self, folder: Path, step: int = 0) -> None:
         path = folder / METRICS
         try:
-            kept = _rows_before(path, step)
+            earlier = _rows_before(path, step)
             with atomic_write(path, "w", hidden=True) as file:
-                csv.writer(file).writerows((_COLUMNS, *kept))
+                csv.writer(file).writerows((_COLUMNS, *earlier))
             self._file = path.open("a", newline="", encoding="utf-8")
         except OSError as error:
             raise output_error(path, error) from error

@@ -1,4 +1,4 @@
-"""The optimizer: AdamW, its learning rate schedule, the weight average, and memory reuse."""
+"""AdamW, its learning rate schedule, the weight average, and reuse of freed memory."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ def _split(parameters: list[nn.Parameter]) -> tuple[list[nn.Parameter], list[nn.
 def set_learning_rate(optimizer: AdamW, step: int, settings: TrainSettings) -> None:
     """Set the learning rate of a step.
 
-    There is one cycle of warm-up and cosine while only a light stem is trained, and another one
-    after it.
+    One cycle of warm-up and cosine covers the steps that train a light stem alone, a second one
+    the rest.
     """
-    own, stem_only = settings.optimiser, settings.network.stem_only_steps
+    rates, stem_only = settings.optimiser, settings.network.stem_only_steps
     if step < stem_only:
-        lr = own.stem_lr * learning_rate_factor(step, stem_only, own)
+        lr = rates.stem_lr * learning_rate_factor(step, stem_only, rates)
     else:
-        lr = own.lr * learning_rate_factor(step - stem_only, settings.steps - stem_only, own)
+        lr = rates.lr * learning_rate_factor(step - stem_only, settings.steps - stem_only, rates)
     for group in optimizer.param_groups:
         group["lr"] = lr * group["factor"]
 
@@ -110,7 +110,7 @@ class WeightAverage:
 
 
 def keep_freed_memory() -> None:
-    """Make glibc keep freed memory for reuse; without effect on other C libraries.
+    """Make glibc keep freed memory for reuse; no effect with other C libraries.
 
     The features of large crops are freed and allocated again in every step. Returning them to the
     system costs half of the training time, as it has to clear new pages.

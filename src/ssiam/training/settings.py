@@ -31,7 +31,7 @@ __all__ = [
 WEIGHTS: Final = "weights.pth"  # in the folder of a run
 
 _LEVELS: Final = 3  # of the backbone
-# These may change when a run is resumed; any other change makes it a different run.
+# These may change when a run is resumed; a change of any other setting makes it another run.
 _RESUMABLE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
 
 
@@ -43,7 +43,7 @@ class NetworkSettings:
     ----------
     kind : {"lite", "lite2", "mask"}
         The network of `ssiam.networks.lite`, `ssiam.networks.lite2` or `ssiam.networks.box_mask`.
-        Of the settings below, "lite2" uses `attention`, `begin` and `frozen_steps` only, "mask"
+        "lite2" uses only `attention`, `begin` and `frozen_steps` of the settings below, "mask" only
         `weights` and `begin`.
     attention : int
         Attention blocks of "lite2"; 0 uses correlation only.
@@ -54,21 +54,21 @@ class NetworkSettings:
     weights : str, optional
         File of the backbone's ImageNet weights; None for those of the installed package.
     begin : str, optional
-        The weights.pth of a run to start from, which may have no light stem, or "lite" for the
-        shipped weights. None starts from ImageNet weights. "lite2" starts from the authors'
+        Weights to start from: the weights.pth of a run, with or without a light stem, or "lite" for
+        the shipped weights. None starts from ImageNet weights. "lite2" needs the authors'
         nanotrackv3.pth or the weights.pth of a run.
     learns : {"all", "mask"}
-        Train everything, or the mask head only, which leaves the tracking unchanged. The settings
-        below are then ignored.
+        Train everything, or the mask head only, which does not change the tracking. With "mask",
+        the settings below are ignored.
     stem_steps : int
-        First steps, in which only the light stem is trained, on the features of the blocks that
-        it replaces.
+        Number of the first steps, which train the light stem alone, on the features of the blocks
+        that it replaces.
     frozen_steps : int
-        Steps, including these, before the backbone is trained.
+        Number of steps, including `stem_steps`, before the backbone is trained.
     trained_levels : int
-        Levels of the backbone that are then trained, from the deepest: 0, 1 (stride 16) or 2
-        (strides 16 and 8); with a light stem 0, 1 or 3 (all). The levels before them are frozen
-        and run in OpenVINO.
+        Number of levels of the backbone that are trained after that, from the deepest on: 0, 1
+        (stride 16) or 2 (strides 16 and 8); with a light stem 0, 1 or 3 (all). The levels before
+        them are frozen and run in OpenVINO.
 
     Raises
     ------
@@ -104,19 +104,19 @@ class NetworkSettings:
 
     @property
     def weights_path(self) -> Path | None:
-        """Of the ImageNet weights; None for those of the installed package."""
+        """File of the ImageNet weights; None for those of the installed package."""
         return None if self.weights is None else Path(self.weights)
 
     @property
     def begin_path(self) -> Path | None:
-        """Of the weights to start from."""
+        """File of the weights to start from; None for ImageNet weights."""
         if self.begin is None:
             return None
         return SHIPPED / WEIGHTS if self.begin == "lite" else Path(self.begin)
 
     @property
     def stem_only_steps(self) -> int:
-        """Number of the first steps, in which only a light stem is trained."""
+        """Number of the first steps, which train a light stem alone."""
         stem_only = self.kind == "lite" and self.light and self.learns == "all"
         return self.stem_steps if stem_only else 0
 
@@ -174,7 +174,7 @@ class OptimizerSettings:
 
 @dataclass(frozen=True)
 class LossSettings:
-    """Kinds and weights of the losses; a weight of 0 disables a loss: [losses].
+    """Kinds and weights of the losses: [losses]. A weight of 0 disables a loss.
 
     Attributes
     ----------
@@ -182,10 +182,10 @@ class LossSettings:
         Focal loss, or cross-entropy with equal weight of positive and negative cells.
     kind_of_box : {"giou", "log_iou"}
     score, box, quality, mask, distractor : float
-        `distractor`, of "lite2", is a hinge loss: the best negative cell has to score at least
-        `margin` below the best positive one.
+        Weights. `distractor`, for "lite2" only, is a hinge loss: the best negative cell should
+        score at least `margin` below the best positive one.
     margin : float
-        Logits.
+        In logits.
     """
 
     kind_of_score: Literal["focal", "balanced"] = "focal"
@@ -210,7 +210,7 @@ class TeacherSettings:
         Folder of FEAR-XS's two ONNX files. For each pair, "lite2" is distilled from the teacher
         whose best box has the larger overlap with the true one.
     agreement : float
-        Minimum overlap (IoU) of that box for "lite2".
+        Minimum overlap (IoU) of that box with the true one, for "lite2".
     features, score, box : float
         Weights of the losses against the teacher: features at stride 16 (not of "lite2"), scores,
         and boxes where the teacher detects the target.
@@ -236,7 +236,7 @@ class HeldOut:
     only : tuple of str
         Patterns of the names of sequences to include; empty includes all.
     name : str
-        In the metrics; datasets with the same name are measured together.
+        Name in the metrics; datasets with the same name are averaged together.
     """
 
     path: str
@@ -254,7 +254,7 @@ class ValidationSettings:
     ----------
     held_out : tuple of HeldOut
     every : int
-        Steps between validations; the last step is always followed by one.
+        Steps between validations; there is always one after the last step.
     frames : int
         Maximum number of frames of each sequence.
 

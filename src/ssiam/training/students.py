@@ -1,6 +1,6 @@
 """Students: the networks in training, each with its losses and the parts that a step trains.
 
-`Student.losses` takes the step and freezes parts accordingly, so that no call has to precede it.
+`Student.losses` freezes the parts that a step does not train, so no other call has to precede it.
 """
 
 from __future__ import annotations
@@ -73,7 +73,13 @@ def build_network(settings: NetworkSettings) -> AnyNetwork:
 
 
 def build_student(settings: TrainSettings) -> Student:
-    """The student of the settings, with its initial weights; raises as the students."""
+    """The student of the settings, with its initial weights.
+
+    Raises
+    ------
+    MissingExtraError, WeightsError
+        The initial or the teacher's weights are missing, damaged or of another network.
+    """
     if settings.network.kind == "lite2":
         return Lite2Student(settings)
     if settings.network.kind == "mask":
@@ -98,7 +104,7 @@ class Student(nn.Module, ABC):
         Parameters
         ----------
         batch : Batch or MaskBatch
-            Of the network's kind.
+            The kind that the network needs.
         step : int
             Counted from 0; determines which parts are frozen.
         """
@@ -127,8 +133,8 @@ class LiteStudent(Student):
     """The network of `lite` in training.
 
     The batch normalizations of the backbone keep the statistics of its pretrained weights. Frozen
-    levels are exported to OpenVINO when a phase of training begins, with the weights of that
-    moment; loading a state discards them.
+    levels are exported to OpenVINO with their current weights when a phase of training begins;
+    loading a state discards the exports.
 
     Parameters
     ----------
@@ -144,20 +150,20 @@ class LiteStudent(Student):
 
     def __init__(self, settings: TrainSettings) -> None:
         super().__init__()
-        own, teacher = settings.network, settings.teacher
+        network, teacher = settings.network, settings.teacher
         self._settings = settings
         self._precision: Precision = "bf16" if supports_bf16() else "f32"
         self._trains_in_bf16 = _has_amx_bf16()
         self._phase: _StemPhase | _MainPhase | None = None
         self._teacher = None
         if teacher is not None:
-            running = RuntimeOptions(threads=settings.threads)
-            self._teacher = NanoTrackTeacher(Path(teacher.weights), running)
-        self.network = LiteNetwork(own.blocks, light=own.light)
-        if own.begin_path is None:
-            load_imagenet(self.network.backbone, own.weights_path)
+            options = RuntimeOptions(threads=settings.threads)
+            self._teacher = NanoTrackTeacher(Path(teacher.weights), options)
+        self.network = LiteNetwork(network.blocks, light=network.light)
+        if network.begin_path is None:
+            load_imagenet(self.network.backbone, network.weights_path)
         else:
-            load_lite(self.network, own.begin_path)
+            load_lite(self.network, network.begin_path)
         self.adapter = None if teacher is None else FeatureAdapter()
 
     def losses(self, batch: AnyBatch, step: int) -> dict[str, Tensor]:
@@ -188,7 +194,7 @@ class LiteStudent(Student):
         )
 
     def load_state_dict(self, *args: Any, **kwargs: Any) -> Any:
-        """As of `nn.Module`; discards frozen levels that were exported from other weights."""
+        """As `nn.Module.load_state_dict`; discards frozen levels exported from other weights."""
         self._phase = None
         return super().load_state_dict(*args, **kwargs)
 
@@ -259,7 +265,7 @@ class LiteStudent(Student):
 
 
 def _has_amx_bf16() -> bool:
-    """Whether training is faster in bf16: without AMX, gradients in bf16 take twice as long."""
+    """Whether the CPU has AMX for bf16; without it, gradients in bf16 take twice as long."""
     capabilities: Callable[[], dict[str, Any]] = getattr(torch.cpu, "get_capabilities", dict)
     return bool(capabilities().get("amx_bf16", False))  # older versions of PyTorch have none
 
@@ -377,4 +383,5 @@ class MaskStudent(Student):
 
 
 def _pixels(crops: NDArray[np.uint8]) -> Tensor:
+    """Crops (N, 3, S, S) as float32 in 0..255, channels last."""
     return torch.from_numpy(crops).float().contiguous(memory_format=torch.channels_last)

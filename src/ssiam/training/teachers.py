@@ -2,8 +2,8 @@
 
 NanoTrack v3 separates the target better from distractors of its kind; FEAR-XS (Borsuk et al., ECCV
 2022) is better on faces, vehicles and targets that change their appearance. "lite" is distilled
-from NanoTrack v3 in the training process; for "lite2" the loading processes add the responses of
-the teacher that is right about each pair.
+from NanoTrack v3 in the training process. For "lite2", the processes that load batches add the
+responses of the better teacher for each pair.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _FEAR_SEARCH: Final = 256  # px, side of its search crop
 _FEAR_STRIDE: Final = 16  # px between its cells
 _FEAR_CENTER: Final = 8  # the cell whose center is the crop's center
 _FEAR_TEMPLATE_SIZE: Final = 1.4  # side of its template region, in sizes of the target
-_FEAR_SEARCH_SIZE: Final = 5.0  # side of its search region, likewise
+_FEAR_SEARCH_SIZE: Final = 5.0  # side of its search region, in sizes of the target
 _FEAR_MEAN: Final = np.array([123.675, 116.28, 103.53], dtype=np.float32)  # RGB
-_FEAR_MIN_SIDE: Final = 4.0  # px, target sides below which its regions do not shrink
+_FEAR_MIN_SIDE: Final = 4.0  # px; smaller targets have the regions of this size
 
 
 class NanoTrackResponse(NamedTuple):
@@ -71,7 +71,7 @@ class NanoTrackTeacher:
     ----------
     weights : Path
         Folder of its two ONNX files.
-    running : RuntimeOptions
+    options : RuntimeOptions
 
     Raises
     ------
@@ -79,13 +79,13 @@ class NanoTrackTeacher:
         The files are missing, damaged or of another network.
     """
 
-    def __init__(self, weights: Path, running: RuntimeOptions) -> None:
-        self._networks = NanoTrackNetworks.load("nanotrack_v3", weights, running)
+    def __init__(self, weights: Path, options: RuntimeOptions) -> None:
+        self._networks = NanoTrackNetworks.load("nanotrack_v3", weights, options)
 
     def __call__(self, template: Bytes, search: Bytes) -> NanoTrackResponse:
         """Responses to crops (N, 3, 127, 127) and (N, 3, 255, 255) uint8 BGR."""
-        each = [self._respond(*pair) for pair in zip(template, search, strict=True)]
-        return NanoTrackResponse(*map(np.concatenate, zip(*each, strict=True)))
+        by_pair = [self._respond(*pair) for pair in zip(template, search, strict=True)]
+        return NanoTrackResponse(*map(np.concatenate, zip(*by_pair, strict=True)))
 
     def _respond(self, template: Bytes, search: Bytes) -> NanoTrackResponse:
         (kernel,) = self._networks.template(template[None].astype(np.float32))
@@ -104,7 +104,7 @@ class _Response(NamedTuple):
 
 
 class Teachers:
-    """NanoTrack v3 and, if given, FEAR-XS; the one that is right about a pair teaches.
+    """NanoTrack v3 and, optionally, FEAR-XS; for each pair the better one is the teacher.
 
     Parameters
     ----------
@@ -118,10 +118,10 @@ class Teachers:
     """
 
     def __init__(self, settings: TeacherSettings, threads: int = 1) -> None:
-        running = RuntimeOptions(threads=threads, precision="bf16" if supports_bf16() else "f32")
+        options = RuntimeOptions(threads=threads, precision="bf16" if supports_bf16() else "f32")
         self._min_overlap = settings.agreement
-        self._nanotrack = NanoTrackTeacher(Path(settings.weights), running)
-        self._fear = None if settings.fear is None else _FearTeacher(Path(settings.fear), running)
+        self._nanotrack = NanoTrackTeacher(Path(settings.weights), options)
+        self._fear = None if settings.fear is None else _FearTeacher(Path(settings.fear), options)
 
     def responses(self, batch: Batch) -> TeacherResponses:
         """For each pair, the responses of the teacher whose best box is closest to the true one.
@@ -190,12 +190,12 @@ class _FearTeacher:
     maps are resampled to the cells of "lite2".
     """
 
-    def __init__(self, weights: Path, running: RuntimeOptions) -> None:
+    def __init__(self, weights: Path, options: RuntimeOptions) -> None:
         self._template, self._search = (
             load_network(
                 weights / f"fear_{piece}.onnx",
-                threads=running.threads,
-                precision=running.precision,
+                threads=options.threads,
+                precision=options.precision,
             )
             for piece in ("template", "search")
         )

@@ -49,7 +49,7 @@ class Trainer:
     ----------
     settings : TrainSettings
     state : dict, optional
-        A `state` to resume from.
+        The result of `state`, to resume from.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Trainer:
             self._load(state)
 
     def learn(self, batch: AnyBatch) -> dict[str, Tensor]:
-        """Take the next step; returns the losses by name, without gradients."""
+        """Take the next step; return the losses by name, without gradients."""
         set_learning_rate(self._optimizer, self.step, self._settings)
         losses = self._student.losses(batch, self.step)
         self._optimizer.zero_grad()
@@ -114,7 +114,12 @@ class Trainer:
 
 
 def training_batches(settings: TrainSettings) -> Batches:
-    """Open the training data of a run; the result loads the batches of a range of steps.
+    """Open the training data of a run.
+
+    Returns
+    -------
+    callable
+        Loads the batches of a range of steps, in order.
 
     Raises
     ------
@@ -145,10 +150,10 @@ def train(settings: TrainSettings, batches: Batches, folder: Path, report: Repor
     batches : callable
         Gives the batches of a range of steps, in order; see `training_batches`.
     folder : Path
-        Of checkpoint.pth, metrics.csv and finally weights.pth and the ONNX pieces; made if it
-        does not exist.
+        Receives checkpoint.pth, metrics.csv and finally weights.pth and the ONNX pieces; created
+        if it does not exist.
     report : callable
-        Called with step and metrics of every row.
+        Called with the step and the metrics, whenever metrics are written.
 
     Raises
     ------
@@ -171,7 +176,7 @@ def train(settings: TrainSettings, batches: Batches, folder: Path, report: Repor
 
 
 class _Loop:
-    """Takes steps, and writes metrics, validation results and checkpoints when they are due."""
+    """Trains step by step; writes metrics, validation results and checkpoints when due."""
 
     def __init__(
         self,

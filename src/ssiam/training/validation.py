@@ -39,7 +39,8 @@ def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, flo
     """Success and precision of one pass over the held-out sequences, averaged per dataset name.
 
     Each sequence is initialized with its first box and tracked without stabilization. The metrics
-    are called "success" and "precision", after the dataset's name and a space if it has a name.
+    are called "success" and "precision", or "NAME success" and "NAME precision" if the dataset has
+    a name.
     A mask network is validated by "mask_overlap", the mean IoU of its masks.
 
     Parameters
@@ -73,8 +74,8 @@ def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, flo
 def _mask_overlap(network: BoxMaskNetwork, settings: ValidationSettings) -> float:
     """Mean IoU of the masks of boxes with the errors of a tracker.
 
-    The kind of a dataset is a layout of training data with masks, "davis" by default. The same
-    `frames` crops of each dataset are used every time.
+    `HeldOut.kind` is a layout of training data with masks here, "davis" by default. The same
+    `ValidationSettings.frames` crops of each dataset are used every time.
     """
     overlaps: list[float] = []
     for held_out in settings.held_out:

@@ -1,4 +1,4 @@
-"""`Engine`: turns frames and commands of a live session into steps, on one thread."""
+"""`Engine`: turns the frames and commands of a live session into steps, on one thread."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _RATE_STEPS: Final = 30  # steps over which the rate is averaged
 class Engine:
     """Tracks the targets in the frames of a feed, and executes commands between frames.
 
-    All methods must be called on the same thread. An error in a frame is reported, and the next
-    frame is processed as if there had been none.
+    All methods must be called on the same thread. An error in a frame is reported and does not
+    affect the next frame.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Engine:
     recordings : Recordings
     errors : ErrorReporter
     notify : callable
-        Receives notes for people that are not errors.
+        Receives notes that are not errors.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Engine:
         return self._remember(step)
 
     def repeat(self) -> Step | None:
-        """A new step on the frame of the newest one, with the current targets and settings."""
+        """Repeat the newest step, if any, with the current targets and settings."""
         if self.newest is None:
             return None
         step = replace(
@@ -121,7 +121,7 @@ class Engine:
         return self._remember(step)
 
     def execute(self, command: Command) -> Any:
-        """Execute a command; returns its result.
+        """Execute a command; return its result.
 
         Raises
         ------
@@ -177,28 +177,30 @@ class Engine:
             raise CommandError("not-possible", "no frame has arrived yet: try again later")
         return self.newest
 
-    def _is_new_sequence(self, frame: Frame) -> bool:
-        """Whether the frame starts a new sequence: the first one, a restart, another size."""
-        size_wh = frame.image.shape[1], frame.image.shape[0]
-        before, self._size_wh = self._size_wh, size_wh
-        if before is not None and before != size_wh and len(self._targets):
-            self._targets.remove(None)
-            text = f"the frame size is now {size_wh[0]}x{size_wh[1]} pixels: draw the targets again"
-            self._notify(Note("warning", text))
-        return self._is_start or before != size_wh
-
     def _track(self, frame: Frame) -> Transform:
-        """Update the targets; returns the transform of the stabilized view for people."""
-        if self._is_new_sequence(frame):
+        """Update the targets; return the transform of the stabilized view that people see."""
+        size_wh = frame.image.shape[1], frame.image.shape[0]
+        if size_wh != self._size_wh:
+            self._change_size(size_wh)
+        if self._is_start:
             self._history.clear()
             self._stabilizer = Stabilizer(StabilizerConfig("paper"))
-            self._is_start = True  # so that the next frame starts the sequence if this one fails
+            # If this fails, the next frame starts the sequence.
             self._targets.begin(frame)
             self._is_start = False
         else:
             self._targets.update(frame)
         motion = self._targets.motion
         return IDENTITY if motion is None else self._stabilizer.update(motion)
+
+    def _change_size(self, size_wh: tuple[int, int]) -> None:
+        """Start a new sequence with frames of this size; targets of the old size are removed."""
+        if self._size_wh is not None and len(self._targets):
+            self._targets.remove(None)
+            text = f"the frame size is now {size_wh[0]}x{size_wh[1]} pixels: draw the targets again"
+            self._notify(Note("warning", text))
+        self._size_wh = size_wh
+        self._is_start = True
 
     def _remember(self, step: Step) -> Step:
         self.newest = step

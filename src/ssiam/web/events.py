@@ -1,4 +1,4 @@
-"""How a live session passes its steps and messages on: `Listeners` and `StepQueue`."""
+"""Delivery of a live session's steps and messages: `Listeners` and `StepQueue`."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Listeners(Generic[Event]):
 
         def remove() -> None:
             with self._lock:
-                kept = (each for each in self._listeners if each is not listener)
-                self._listeners = tuple(kept)
+                others = (each for each in self._listeners if each is not listener)
+                self._listeners = tuple(others)
 
         return remove
 
@@ -59,8 +59,8 @@ class Listeners(Generic[Event]):
 class StepQueue:
     """A bounded queue of steps from the session's thread to a thread that writes to disk.
 
-    The consumer iterates over it. Each frame is queued once: steps that repeat the frame before
-    (a command while paused, say) are ignored.
+    The consumer iterates over it. Each frame is queued once: steps that repeat the last frame, for
+    example after a command while paused, are ignored.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""`StepHistory`: recent steps, so that a box can be drawn into a frame that has passed."""
+"""`StepHistory`: recent steps, so that a box can be drawn into an earlier frame."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _MAX_REPLAYED: Final = 24  # steps through which a new target is tracked
 
 
 class StepHistory:
-    """Recent steps, and all since one that is held.
+    """Recent steps, and those since a step that is held.
 
-    Drawing a box takes a person seconds, during which the source continues. The step into which
-    the box is drawn is held, with the steps after it; the longer the hold, the fewer of these
-    remain. The new target is tracked through them to the present.
+    Drawing a box takes a user some seconds, during which the source continues. The step into which
+    the box is drawn is held, with the steps after it; they are thinned out as they become many. The
+    new target is tracked through them to the newest frame.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class StepHistory:
             self._thin_out()
 
     def hold(self, number: int) -> None:
-        """Keep step `number`, if it is still there, and the steps after it."""
+        """Keep step `number`, if it is still available, and the steps after it."""
         if len(self._held) >= _MAX_HOLDS:
             del self._held[min(self._held)]
         self._held[number] = self._steps[-1].done + _HELD_SECONDS if self._steps else 0.0
@@ -75,5 +75,5 @@ class StepHistory:
     def _thin_out(self) -> None:
         """Drop every second step that is not held, except the newest."""
         newest = self._steps.pop()
-        kept = (s for n, s in enumerate(self._steps) if n % 2 == 0 or s.number in self._held)
-        self._steps = deque([*kept, newest])
+        rest = (s for n, s in enumerate(self._steps) if n % 2 == 0 or s.number in self._held)
+        self._steps = deque([*rest, newest])

@@ -20,12 +20,12 @@ _CHECKS_PER_LIMIT: Final = 5  # checks of the watchdog within its time limit
 
 
 class ErrorReporter:
-    """Reports each error once, and the same error again after a pause, with a count.
+    """Reports each error once; the same error again after a pause, with a count.
 
     Parameters
     ----------
     notify : callable
-        Receives the notes for people. Errors are logged as well.
+        Receives the notes. Errors are logged as well.
     clock : callable
         Seconds.
     """
@@ -38,7 +38,7 @@ class ErrorReporter:
         self._unreported: dict[str, int] = {}  # message -> occurrences since then
 
     def report(self, context: str, error: Exception) -> str:
-        """Report an error that occurred in `context`; returns the error as one line."""
+        """Report an error that occurred in `context`; return the error as one line."""
         text = one_line(error)
         message = f"{context}: {text}"
         now = self._clock()
@@ -70,8 +70,8 @@ class Watchdog:
         Called on the watchdog's thread with the name of a task that exceeds the limit, once per
         task. Must not wait for the thread that runs the task.
     recovered : callable
-        Called on the thread of the task when such a task has finished after all, with its name
-        and its duration in seconds.
+        Called on the thread of the task when such a task finishes, with its name and its duration
+        in seconds.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Watchdog:
 
     @contextmanager
     def watch(self, name: str) -> Iterator[None]:
-        """Watch the task that runs inside of the ``with`` block."""
+        """Watch the task that runs in the ``with`` block."""
         began = time.monotonic()
         with self._lock:
             self._task, self._is_reported = (name, began), False
@@ -119,6 +119,6 @@ class Watchdog:
                     continue
                 if time.monotonic() - task[1] < self._limit:
                     continue
-                # Still under the lock: the recovery of this task is reported after it.
+                # Called under the lock, so that the task's recovery is reported after it.
                 self._is_reported = True
                 self._stalled(task[0])

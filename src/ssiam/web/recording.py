@@ -40,7 +40,7 @@ _SAVE_INTERVAL: Final = 1.0  # seconds between two writes of the metadata
 
 
 class Recordings:
-    """The recordings of a session, at most one of them open. Safe to use from any thread.
+    """The recordings of a session. At most one is open. Safe to use from any thread.
 
     Recordings of earlier sessions in the same folder are listed too. Those whose process was
     killed are finished on a background thread: their exports are written.
@@ -102,7 +102,7 @@ class Recordings:
         Raises
         ------
         CommandError
-            One is open, there are too many, or the files cannot be created.
+            A recording is open, there are too many, or the files cannot be created.
         """
         if self.current is not None:
             raise CommandError("not-possible", f"recording {self.current} is open: stop it first")
@@ -150,7 +150,7 @@ class Recordings:
         return [*listed, *(recorder.summary() for recorder in recorders)]
 
     def path(self, name: str, file: str) -> Path:
-        """Path of a file of a recording; `KeyError` if there is none of these names."""
+        """Path of a file of a finished recording; `KeyError` if there is no such file."""
         with self._lock:
             recorder, earlier = self._recorders.get(name), self._earlier.get(name)
         if recorder is not None:
@@ -164,11 +164,11 @@ class Recordings:
         return path
 
     def listen(self, listener: Callable[[list[dict[str, Any]]], None]) -> Callable[[], None]:
-        """Call `listener` with the listing whenever it changes; returns what removes it."""
+        """Call `listener` with the listing when it changes; return a function that removes it."""
         return self._changes.add(listener)
 
     def listen_notes(self, listener: Callable[[Note], None]) -> Callable[[], None]:
-        """Call `listener` with each note; returns what removes it."""
+        """Call `listener` with each note; return a function that removes it."""
         return self._notes.add(listener)
 
     def close(self) -> None:
@@ -194,7 +194,7 @@ class Recordings:
         self._changes.notify(self.listing())
 
     def _finish_earlier(self) -> None:
-        """Finish the recordings of killed processes, except those that are still being written."""
+        """Finish the recordings of killed processes; running processes hold a lock on theirs."""
         for name, (folder, metadata) in list(self._earlier.items()):
             if self._closing.is_set():
                 return
@@ -216,9 +216,9 @@ class Recordings:
 class _Recorder:
     """Writes steps as a video with the targets drawn in, and as tables, on its own thread.
 
-    Frames are numbered as in the video. Steps that repeat a frame, as while the source is paused,
-    are written once. A recording that ends by itself, because the disk is full or the frame size
-    changes, is finished like any other.
+    Frames are numbered as in the video. A frame that several steps repeat, for example while the
+    source is paused, is written once. A recording that ends early, because the disk is full or the
+    frame size changes, is finished like any other.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class _Recorder:
     finished : callable
         Called when the recording is finished.
     notify : callable
-        Receives a note if the recording ends by itself or lacks files.
+        Receives a note if the recording ends early or lacks files.
 
     Raises
     ------
@@ -323,7 +323,7 @@ class _Recorder:
         self._finished()
 
     def _write_all(self) -> str:
-        """Write all steps; returns why the recording ended by itself, or ""."""
+        """Write all steps; return why the recording ends early, or ""."""
         for step in self._queue:
             height, width = step.frame.image.shape[:2]
             before = self._metadata.size_wh

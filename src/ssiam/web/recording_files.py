@@ -48,7 +48,7 @@ _KILLED: Final = "ssiam was killed during this recording"
 
 @dataclass(frozen=True)
 class RecordingMetadata:
-    """What the video and the tables of a recording do not contain; stored as recording.json.
+    """Data of a recording that its video and tables do not contain; stored as recording.json.
 
     Attributes
     ----------
@@ -65,8 +65,8 @@ class RecordingMetadata:
     is_finished : bool
         Whether the recording has ended and its exports are written; ``whole`` in the file.
     error : str
-        Why the recording ended by itself, or which of its files are missing, one line; empty if
-        it is complete.
+        Why the recording ended early, or which of its files are missing, one line; empty if it is
+        complete.
     """
 
     fps: str
@@ -98,7 +98,13 @@ class RecordingMetadata:
 
     @classmethod
     def from_json(cls, text: str) -> RecordingMetadata:
-        """Parse the content of recording.json; one of several exceptions if it is damaged."""
+        """Parse the content of recording.json.
+
+        Raises
+        ------
+        ValueError, TypeError, KeyError, AttributeError
+            It is damaged.
+        """
         values = json.loads(text)
         width, height = (int(value) for value in values["size_wh"])
         return cls(
@@ -216,7 +222,7 @@ class RecordingFolder:
         return RecordingMetadata(str(rate), size_wh, count, count / float(rate), is_finished=True)
 
     def _rename_partial(self, name: str) -> None:
-        """Rename the part that a crash left behind; it holds all that was written."""
+        """Rename the part file that a crash has left; it contains all that was written."""
         path = self.path / name
         part = path.with_name(f"{path.stem}.part{path.suffix}")
         with suppress(OSError):

@@ -13,7 +13,7 @@ from ssiam.web.types import Step
 
 
 class RerunRecorder:
-    """Logs each frame of a session once, on a thread of its own. A context manager.
+    """Logs each frame of a session once, on a separate thread. A context manager.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class RerunRecorder:
         except Exception as error:
             self._errors.report("the Rerun file has ended", error)
             for _ in self._queue:
-                pass  # so that the queue holds no frames
+                pass  # empties the queue, which would keep frames in memory
 
     @staticmethod
     def _write(log: RerunLog, step: Step) -> None:

@@ -1,4 +1,4 @@
-"""`Session`: a live source, its targets, and everybody who watches and controls them."""
+"""`Session`: tracks targets in a live source, and serves the clients that control it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import SsiamError, one_line
@@ -18,7 +18,7 @@ from ssiam.trackers import StabilizedTracker
 from ssiam.web.engine import Engine
 from ssiam.web.events import Listeners
 from ssiam.web.feeds.base import Feed
-from ssiam.web.feeds.opening import open_feed
+from ssiam.web.feeds.opening import Pace, open_feed
 from ssiam.web.feeds.pushed import PushedFeed
 from ssiam.web.monitoring import ErrorReporter, Watchdog
 from ssiam.web.recording import Recordings
@@ -60,7 +60,7 @@ class Session(NotCopyable):
     recordings : Recordings
         Closed with the session.
     notes : Listeners of Note, optional
-        Shared with the feed, whose notes are then the session's too.
+        Listeners that the feed notifies too.
     limits : SessionLimits, optional
     stall_seconds : float
         Duration after which a frame or a command counts as stalled.
@@ -99,7 +99,7 @@ class Session(NotCopyable):
         tracker: StabilizedTracker,
         *,
         name: str = "tracker",
-        pace: Literal["clock", "fast"] = "clock",
+        pace: Pace = "clock",
         recordings: Path | None = None,
         stream: int | None = None,
         levels: tuple[float, float] | None = None,
@@ -112,14 +112,13 @@ class Session(NotCopyable):
             See `open_feed`, which also lists the errors.
         tracker : StabilizedTracker
         name : str
-            Name of the tracker, for people.
+            Name of the tracker, for messages and the page.
         pace : {"clock", "fast"}
             See `open_feed`.
         recordings : Path, optional
             Folder for recordings; without it they are deleted with the session.
-        stream : int, optional
-        levels : (low, high), optional
-            Both as in `ssiam.video.open_source`.
+        stream, levels
+            As in `ssiam.video.open_source`.
         """
         notes: Listeners[Note] = Listeners()
         feed = open_feed(source, pace=pace, notify=notes.notify, stream=stream, levels=levels)
@@ -131,7 +130,7 @@ class Session(NotCopyable):
 
     @property
     def info(self) -> SessionInfo:
-        """Source and tracker, as known so far."""
+        """Source and tracker; size and rate may become known later."""
         feed, is_webcam = self._feed, isinstance(self._feed, PushedFeed)
         return SessionInfo(
             feed.name, feed.size_wh, feed.fps, feed.length, self._name, feed.seekable, is_webcam
@@ -153,7 +152,7 @@ class Session(NotCopyable):
         Returns
         -------
         Future
-            Its result, or the `SsiamError` that says why it was refused.
+            Has the result, or the `SsiamError` with the reason of the refusal.
         """
         answer: Future[Any] = Future()
         self._commands.put((command, answer))
@@ -162,23 +161,29 @@ class Session(NotCopyable):
         return answer
 
     def listen(self, listener: Callable[[Step], object]) -> Callable[[], None]:
-        """Call `listener` after each step, on the session's thread; returns what removes it."""
+        """Call `listener` after each step, on the session's thread.
+
+        Returns
+        -------
+        callable
+            Removes the listener.
+        """
         return self._steps.add(listener)
 
     def listen_notes(self, listener: Callable[[Note], None]) -> Callable[[], None]:
-        """Call `listener` with each note; returns what removes it."""
+        """Call `listener` with each note; return a function that removes it."""
         return self._notes.add(listener)
 
     def listen_health(self, listener: Callable[[Health], None]) -> Callable[[], None]:
-        """Call `listener` whenever `health` changes; returns what removes it."""
+        """Call `listener` whenever `health` changes; return a function that removes it."""
         return self._health_changes.add(listener)
 
     def notify(self, note: Note) -> None:
-        """Send a note to all who listen to notes."""
+        """Send a note to all listeners of notes."""
         self._notes.notify(note)
 
     def push(self, image: Image) -> None:
-        """Add a frame (H, W, 3) uint8 BGR from a browser; ignored if the source is another."""
+        """Add a frame (H, W, 3) uint8 BGR of a browser; ignored if that is not the source."""
         if isinstance(self._feed, PushedFeed):
             self._feed.push(image)
 
@@ -219,7 +224,7 @@ class Session(NotCopyable):
                 self._execute_commands()
                 self._process_frame()
         except BaseException as error:
-            # Whatever ends this thread, clients must learn of it.
+            # Clients must be informed whatever ends this thread.
             self._fail(error)
 
     def _process_frame(self) -> None:

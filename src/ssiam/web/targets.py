@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
@@ -14,9 +13,7 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
-from ssiam.web.types import CommandError, Target
-
-_MAX_NAME_LENGTH: Final = 40
+from ssiam.web.types import MAX_NAME_LENGTH, CommandError, Target, normalized_name
 
 
 @dataclass
@@ -48,7 +45,7 @@ class Targets:
     max_targets : int
         Maximum number of targets.
     report_error : callable
-        Called with a context and an exception; returns the exception as one line.
+        Called with a context and an exception; must return the exception as one line.
     """
 
     def __init__(
@@ -78,7 +75,7 @@ class Targets:
         return self._group.motion
 
     def begin(self, frame: Frame) -> None:
-        """Start on the first frame of a sequence; targets start again where they were drawn."""
+        """Start a sequence on its first frame; targets start again at their first boxes."""
         self._group.init(frame.image, [])
         for state in self._states:
             state.tracker = state.track = None
@@ -155,7 +152,7 @@ class Targets:
         self._state(id).name = _checked_name(name)
 
     def switch(self, config: StabilizerConfig, frame: Frame) -> None:
-        """Stabilize by `config` after `frame`, the newest one.
+        """Stabilize by `config` from the frame after `frame` on, which is the newest one.
 
         Targets whose trackers cannot be switched are removed.
         """
@@ -176,7 +173,7 @@ class Targets:
         )
 
     def _init_pending(self, frame: Frame) -> None:
-        """Initialize the targets that were drawn in this frame, or in one that was dropped."""
+        """Initialize targets that were drawn in this frame, or in a dropped one before it."""
         for state in list(self._states):
             if state.tracker is not None or frame.index < state.first_index:
                 continue
@@ -208,11 +205,11 @@ class Targets:
 
 
 def _checked_name(name: str) -> str:
-    plain = " ".join(name.split())
-    if not 0 < len(plain) <= _MAX_NAME_LENGTH or not plain.isprintable():
-        text = f"a name has 1 to {_MAX_NAME_LENGTH} printable characters"
+    normalized = normalized_name(name)
+    if normalized is None:
+        text = f"a name has 1 to {MAX_NAME_LENGTH} printable characters"
         raise CommandError("not-possible", text)
-    return plain
+    return normalized
 
 
 def _hex(bgr: Sequence[float]) -> str:

@@ -1,12 +1,12 @@
 """The values of a live session's interface: commands in, steps and messages out.
 
-All of them are frozen; docs/reference/live-protocol.md has their JSON form.
+They are frozen; docs/reference/live-protocol.md documents their JSON form.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from ssiam.errors import SsiamError
 from ssiam.geometry import XYWH, Transform
@@ -28,6 +28,8 @@ NoteLevel: TypeAlias = Literal["info", "warning", "error"]
 HealthState: TypeAlias = Literal["running", "stalled", "failed"]
 Playback: TypeAlias = Literal["playing", "paused", "reconnecting", "ended"]
 
+MAX_NAME_LENGTH: Final = 40  # characters of a target's name
+
 
 class CommandError(SsiamError):
     """A command that a live session cannot carry out.
@@ -35,12 +37,19 @@ class CommandError(SsiamError):
     Attributes
     ----------
     code : str
-        Machine-readable reason (docs/reference/live-protocol.md). The message is for people.
+        Machine-readable reason (docs/reference/live-protocol.md). The message is for users.
     """
 
     def __init__(self, code: ErrorCode, message: str) -> None:
         super().__init__(message)
         self.code = code
+
+
+def normalized_name(name: str) -> str | None:
+    """A target's name with its white space normalized; None if it cannot be used."""
+    name = " ".join(name.split())
+    # `isprintable` also rejects lone surrogates, which could not be encoded.
+    return name if 0 < len(name) <= MAX_NAME_LENGTH and name.isprintable() else None
 
 
 @dataclass(frozen=True)
@@ -67,7 +76,7 @@ class Add:
 
 @dataclass(frozen=True)
 class Hold:
-    """Keep the step called `number`, because a box is being drawn into it.
+    """Keep step `number` available, because a box is being drawn into it.
 
     Threads: a value; any number of threads may share it.
     """
@@ -184,7 +193,7 @@ class Step:
     Attributes
     ----------
     number : int
-        Counts the steps of the session from 1, across restarts of the source.
+        Number of the step, from 1 on; restarts of the source do not reset it.
     frame : Frame
     targets : tuple of Target
     motion : Motion or None
@@ -233,9 +242,9 @@ class Health:
     ----------
     state : {"running", "stalled", "failed"}
         stalled: a frame or a command takes very long and may never finish; nothing else is
-        processed meanwhile. failed: tracking has ended because of an error.
+        processed until it does. failed: tracking has ended because of an error.
     message : str
-        One line for people; empty while running.
+        One line for users; empty while running.
     """
 
     state: HealthState = "running"
@@ -244,7 +253,7 @@ class Health:
 
 @dataclass(frozen=True)
 class Note:
-    """One line for the people who watch a session; never contains a password.
+    """A message of one line for users of a session; never contains a password.
 
     Threads: a value; any number of threads may share it.
     """

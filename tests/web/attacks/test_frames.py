@@ -45,9 +45,7 @@ def test_a_text_of_the_maximum_size_is_read(live):
     with Client(live) as client:
         client.socket.send(json.dumps({"type": "view", "ask": 7, "x": ""}).ljust(65_536))
         assert client.next("error")["code"] == "bad-message"
-        client.socket.send(
-            b" " * 0 + json.dumps({"type": "hold"}).rjust(65_537).encode(), text=True
-        )
+        client.socket.send(json.dumps({"type": "hold"}).rjust(65_537))
         assert client.close_code() == 1009
 
 

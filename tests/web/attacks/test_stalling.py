@@ -16,7 +16,7 @@ from ssiam.web.server.limits import ServerLimits
 def test_idle_connections_are_closed(live):
     with ExitStack() as stack:
         idle = [stack.enter_context(closing(raw_socket(live))) for _ in range(200)]
-        # Other clients can connect meanwhile.
+        # Other clients can still connect.
         assert live.get("/")[0] == 200
         with Client(live) as client:
             client.next("step")

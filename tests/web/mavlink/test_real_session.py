@@ -22,7 +22,7 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "mavlink.md"
 @contextmanager
 def running(path, address):
     """A real session on a clip in real time, as a camera."""
-    feed = open_feed(str(path), pace="source", notify=lambda note: None)
+    feed = open_feed(str(path), pace="clock", notify=lambda note: None)
     session = Session(feed, ssiam.load_tracker("csrt"), "csrt", Recordings())
     steps = []
     session.listen(steps.append)

@@ -7,7 +7,7 @@ from helpers.walking_clip import FRAMES, HIDDEN, write_shaking_clip
 
 CAMERA = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
 DESK = {"width": 1280, "height": 800}
-# Counts the decoded images that are not closed.
+# A script that counts the decoded images that are not closed.
 COUNT_BITMAPS = """
 window.openBitmaps = 0;
 const make = window.createImageBitmap, close = ImageBitmap.prototype.close;

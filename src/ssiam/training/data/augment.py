@@ -68,13 +68,13 @@ def augment_crop(crop: Image, settings: AugmentSettings, rng: np.random.Generato
 def coarsen(crop: Image, factor: float) -> Image:
     """The crop (side, side, 3) at the resolution of a target that is `factor` times smaller."""
     side = crop.shape[0]
-    few = max(round(side / factor), 2)
-    small = cv2.resize(crop, (few, few), interpolation=cv2.INTER_AREA)
+    small_side = max(round(side / factor), 2)
+    small = cv2.resize(crop, (small_side, small_side), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.resize(small, (side, side)), dtype=np.uint8)
 
 
 def to_grayscale(crop: Image) -> Image:
-    """The crop in gray, as three equal channels."""
+    """The crop (side, side, 3) in gray, as three equal channels."""
     gray = cv2.cvtColor(crop, cv2.COLOR_BGR2GRAY)
     return np.asarray(cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
@@ -82,7 +82,7 @@ def to_grayscale(crop: Image) -> Image:
 def occlude(
     crop: Image, target: NDArray[np.float64], rng: np.random.Generator
 ) -> tuple[Image, NDArray[np.bool_]]:
-    """Cover a part of the target by an ellipse with texture from elsewhere in the crop.
+    """Cover a part of the target with an ellipse, textured from elsewhere in the crop.
 
     Parameters
     ----------
@@ -98,9 +98,9 @@ def occlude(
         The ellipse, which covers at most about two fifths of the target.
     """
     size = target[2:]
-    side = rng.uniform(-np.pi, np.pi)
-    towards = np.array([np.cos(side), np.sin(side)]) * size / 2
-    middle = (crop.shape[0] - 1) / 2 + target[:2] + towards * rng.uniform(*_OCCLUDER_DISTANCE)
+    direction = rng.uniform(-np.pi, np.pi)
+    offset = np.array([np.cos(direction), np.sin(direction)]) * size / 2
+    middle = (crop.shape[0] - 1) / 2 + target[:2] + offset * rng.uniform(*_OCCLUDER_DISTANCE)
     axes = np.maximum(size * rng.uniform(*_OCCLUDER, 2), 1)
     canvas = np.zeros(crop.shape[:2], dtype=np.uint8)
     x, y = np.rint(np.clip(middle, -1e4, 1e4)).astype(int).tolist()
@@ -165,8 +165,8 @@ def draw_shake(
 ) -> Shake:
     """A random camera shake, evaluated at a point of a frame of (width, height) px.
 
-    The camera paths are those of `ssiam.datasets.shake.path`, with which trackers are
-    evaluated: hand-held, vibration, gusts, white noise.
+    The camera paths are those on which trackers are evaluated (`ssiam.datasets.shake.path`):
+    hand-held, vibration, gusts, white noise.
     """
     kinds, probabilities = zip(*_SHAKE_KINDS, strict=True)
     kind: ShakeKind = kinds[rng.choice(len(kinds), p=probabilities)]
@@ -180,7 +180,7 @@ def draw_shake(
 
 
 def motion_blur(crop: Image, trail: Floats, crop_from_frame: Transform) -> Image:
-    """Blur the crop along a trail (N, 2) in px of the frame, without moving its mean position."""
+    """Blur a crop (side, side, 3) along a trail (N, 2), px of the frame, around its mean."""
     offsets = trail @ crop_from_frame[:2, :2].T
     longest = float(np.abs(offsets).max())
     if longest < _MIN_BLUR:

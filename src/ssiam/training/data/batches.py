@@ -59,7 +59,7 @@ class Pair(NamedTuple):
     mask : (64, 64) uint8, optional
         Fraction of each cell of 4 x 4 px that the target covers, 0..255; None if unknown.
     recent : (127, 127, 3) uint8 BGR, optional
-        A later view of the target; None if the template serves as the recent one.
+        A later view of the target; None if the template is also the recent one.
     template_wh : (float, float)
         Size of the target in the template crop, px.
     """
@@ -83,7 +83,7 @@ class TeacherResponses(NamedTuple):
     boxes : (N, 4, 15, 15) float32
         Left, top, right, bottom, px from the search crop's middle pixel.
     weight : (N,) float32
-        1, or 0 for pairs on which no teacher is right.
+        0 for pairs on which no teacher is right, else 1.
     """
 
     score: Floats
@@ -192,23 +192,23 @@ def _recent(pairs: Sequence[Pair]) -> Bytes | None:
 def load_batches(
     sampler: BatchSampler, steps: range, size: int, workers: int = 0
 ) -> Iterator[AnyBatch]:
-    """The batch of every step, in order. The number of workers does not change the batches.
+    """Yield the batch of every step, in order; the number of workers does not change them.
 
     Parameters
     ----------
     sampler : BatchSampler
-        Is pickled if there are workers.
+        Pickled if there are workers.
     steps : range
     size : int
         Pairs or crops of a batch.
     workers : int
-        Processes that draw batches ahead; 0 draws each batch in this process when it is
-        requested. A script that uses workers must be guarded by ``if __name__ == "__main__"``.
+        Number of processes that draw batches ahead; 0 draws each batch in this process when it
+        is requested. A script that uses workers must be guarded by ``if __name__ == "__main__"``.
 
     Raises
     ------
     DatasetError
-        As the sampler.
+        Raised by the sampler.
     SsiamError
         A worker process was killed.
     """

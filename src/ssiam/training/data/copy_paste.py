@@ -2,7 +2,7 @@
 
 A scene is a few frames in which object, camera and lighting change slightly; its masks are exact.
 Each object is pasted several times, at other positions and on other backgrounds. Distractors are
-other objects of similar size, placed beside the target, in front of it or behind it.
+other objects of similar size near the target, in front of it or behind it.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class CopyPasteTrack:
     companion : Path, optional
         Another object behind the target.
     distractors : tuple of Path
-        Other objects beside the target; every second one is in front of it.
+        Other objects near the target; every second one is in front of it.
     tumbles : bool
         The target has an arbitrary rotation in each frame.
     seed : int
@@ -146,7 +146,7 @@ class CopyPasteSource:
         )
 
     def distractors(self, i: int) -> Sequence[int]:
-        """None: no two scenes have the same frames."""
+        """Empty: no two scenes have the same frames."""
         return ()
 
     def _drawn_distractors(self, target: Path, rng: np.random.Generator) -> tuple[Path, ...]:
@@ -167,7 +167,7 @@ def _rendered(scene: CopyPasteTrack, t: int) -> _Frame:
     distractors = [
         (
             _read_object(path),
-            _beside(target, _random_poses(rng, scene.frames)[t], rng).moved_with(camera),
+            _near(target, _random_poses(rng, scene.frames)[t], rng).moved_with(camera),
         )
         for path in scene.distractors
     ]
@@ -187,7 +187,7 @@ def _read_object(path: Path) -> Image:
     Raises
     ------
     SourceError
-        The file is not an image with alpha, or wholly transparent.
+        The file is not an image with alpha, or is fully transparent.
     """
     _, image = read_unchanged(path)
     if image is None or image.dtype != np.uint8 or image.shape[2:] != (4,):
@@ -195,7 +195,7 @@ def _read_object(path: Path) -> Image:
     bgra = np.asarray(image, dtype=np.uint8)
     box = box_of_mask(bgra[..., 3] >= 128)
     if box is None:
-        raise SourceError(f"{path}: is wholly transparent; remove it")
+        raise SourceError(f"{path}: is fully transparent; remove it")
     x, y, w, h = map(int, box)
     return bgra[y : y + h, x : x + w]
 
@@ -255,14 +255,14 @@ def _random_poses(rng: np.random.Generator, frames: int) -> list[_Pose]:
     ]
 
 
-def _beside(target: _Pose, own: _Pose, rng: np.random.Generator) -> _Pose:
-    """The pose of a distractor: beside the target and moving with it, plus its own motion."""
+def _near(target: _Pose, pose: _Pose, rng: np.random.Generator) -> _Pose:
+    """The pose of a distractor, moved near the target; it follows the target's motion too."""
     size = float(np.clip(target.size + rng.uniform(-_SIZE_DIFFERENCE, _SIZE_DIFFERENCE), 0, 1))
     distance = rng.uniform(*_DISTANCE) * _long_side(target)
     direction = rng.uniform(0, 2 * np.pi)
     x, y = distance * np.cos(direction), distance * np.sin(direction)
     position = (target.position[0] + x / _SIZE_WH[0], target.position[1] + y / _SIZE_WH[1])
-    return replace(own.moved_with(target), position=position, size=size)
+    return replace(pose.moved_with(target), position=position, size=size)
 
 
 def _background(image: Image, camera: _Pose) -> Image:
@@ -287,7 +287,7 @@ def _background(image: Image, camera: _Pose) -> Image:
 
 
 def _paste(frame: Image, cutout: Image, pose: _Pose) -> Mask:
-    """Draw an object (H, W, 4) BGRA into the frame; where it covers at least half a pixel."""
+    """Draw an object (H, W, 4) BGRA into the frame; return the pixels that it mostly covers."""
     mask = np.zeros(frame.shape[:2], dtype=np.bool_)
     cutout, zoom = _reduced(cutout, pose)
     frame_from_cutout = _frame_from_cutout(cutout, pose, zoom)
@@ -327,7 +327,7 @@ def _premultiplied(cutout: Image, pose: _Pose) -> NDArray[np.float32]:
 
 
 def _extent(frame_from_cutout: Floats, cutout: Image) -> tuple[int, int, int, int]:
-    """The part x, y, w, h of the frame that an object can reach."""
+    """The part x, y, w, h of the frame that an object can cover, px."""
     height, width = cutout.shape[:2]
     corners = np.array([[-1, -1, 1], [width, -1, 1], [width, height, 1], [-1, height, 1]])
     reached = corners @ frame_from_cutout.T
@@ -337,6 +337,7 @@ def _extent(frame_from_cutout: Floats, cutout: Image) -> tuple[int, int, int, in
 
 
 def _frame_from_cutout(cutout: Image, pose: _Pose, zoom: float) -> Floats:
+    """The transform (2, 3) from px of the object to px of the frame."""
     cos, sin = zoom * np.cos(np.deg2rad(pose.angle)), zoom * np.sin(np.deg2rad(pose.angle))
     cx, cy = (cutout.shape[1] - 1) / 2, (cutout.shape[0] - 1) / 2
     x = pose.position[0] * _SIZE_WH[0] + pose.shift[0]

@@ -43,13 +43,13 @@ class CropRegion:
     Attributes
     ----------
     center_xy : (float, float)
-        Of the region, px of the frame, counted at pixel centers.
+        Center of the region, px of the frame; the center of the first pixel is (0, 0).
     side : float
-        Of the square, px of the frame.
+        Side of the square before it is stretched, px of the frame.
     out : int
         Side of the crop, px.
     stretch : float
-        Factor by which the region is wider, and less high.
+        Factor by which the region's width is multiplied and its height divided.
     angle : float
         Rotation of the crop's content, radians.
     mirrored : bool
@@ -116,7 +116,7 @@ def center_of(xywh: XYWH) -> tuple[float, float]:
 
 
 def region_around(xywh: XYWH, out: int) -> CropRegion:
-    """The region centered on a target, for a crop of `out` px at the tracker's zoom.
+    """The region centered on a box, for a crop of `out` px at the tracker's zoom.
 
     A crop of 127 px covers sqrt((w + c) (h + c)) px of the frame, with the context
     c = (w + h) / 2 (Bertinetto et al., SiamFC, ECCV Workshops 2016). Larger crops have the same
@@ -191,16 +191,16 @@ def random_negative_region(
     settings: CropSettings,
     rng: np.random.Generator,
 ) -> CropRegion | None:
-    """A search region beside a box, at the zoom of the box.
+    """A search region next to a box, which it does not show, at the zoom of the box.
 
     None if its center would be outside the frame of `size_wh` px.
     """
     region = _varied(region_around(xywh, SEARCH_CROP), settings.scale, settings, rng)
     region = replace(region, mirrored=mirrored)
     _, _, w, h = region.box_in_crop(xywh)
-    least = (SEARCH_CROP + max(w, h)) / 2 + _CLEARANCE
-    turn, distance = rng.uniform(-np.pi, np.pi), least * rng.uniform(1.0, 1.6)
-    direction = np.array([np.cos(turn), np.sin(turn)])
+    min_distance = (SEARCH_CROP + max(w, h)) / 2 + _CLEARANCE
+    angle, distance = rng.uniform(-np.pi, np.pi), min_distance * rng.uniform(1.0, 1.6)
+    direction = np.array([np.cos(angle), np.sin(angle)])
     away = region.shifted(distance / np.abs(direction).max() * direction)
     (x, y), (width, height) = away.center_xy, size_wh
     inside = 0 <= x < width and 0 <= y < height
@@ -217,12 +217,12 @@ def random_background_region(size_wh: tuple[int, int], rng: np.random.Generator)
 def _varied(
     region: CropRegion, scale: float, settings: CropSettings, rng: np.random.Generator
 ) -> CropRegion:
-    zoom, stretch, turn = np.clip(rng.normal(size=3), -_TRUNCATION, _TRUNCATION)
+    zoom, stretch, rotation = np.clip(rng.normal(size=3), -_TRUNCATION, _TRUNCATION)
     return replace(
         region,
         side=region.side * float(np.exp(scale * zoom)),
         stretch=float(np.exp(settings.stretch / 2 * stretch)),
-        angle=float(np.deg2rad(settings.angle * turn)),
+        angle=float(np.deg2rad(settings.angle * rotation)),
     )
 
 
@@ -253,8 +253,8 @@ def crop_mask(mask: Mask, region: CropRegion) -> NDArray[np.uint8]:
 def mask_cells(coverage: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Coverage (64, 64) uint8, 0..255, of cells of 4 x 4 px of a search crop's `crop_mask`."""
     beyond = MASK_CELLS * MASK_STRIDE - SEARCH_CROP
-    whole = cv2.copyMakeBorder(coverage, 0, beyond, 0, beyond, cv2.BORDER_REPLICATE)
-    cells = cv2.resize(whole, (MASK_CELLS, MASK_CELLS), interpolation=cv2.INTER_AREA)
+    padded = cv2.copyMakeBorder(coverage, 0, beyond, 0, beyond, cv2.BORDER_REPLICATE)
+    cells = cv2.resize(padded, (MASK_CELLS, MASK_CELLS), interpolation=cv2.INTER_AREA)
     return np.asarray(cells, dtype=np.uint8)
 
 

@@ -82,13 +82,13 @@ def relative_stem(folder: Path, path: Path) -> str:
 class AnnotationErrors:
     """Skips and counts the damaged annotations of a set.
 
-    One damaged file should not reject a set of thousands, and a mostly damaged copy should not
-    pass unnoticed: up to a tenth of the annotations are skipped with one warning.
+    Up to a tenth of the annotations are skipped with one warning. If more are damaged, `check`
+    rejects the set.
 
     Parameters
     ----------
     folder : Path
-        Of the set, for the message.
+        Folder of the set, for messages.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -98,7 +98,7 @@ class AnnotationErrors:
 
     @contextmanager
     def skip(self) -> Iterator[None]:
-        """Context in which one annotation is read; its `SsiamError` is counted."""
+        """A context for reading one annotation; a `SsiamError` in it is counted."""
         self._tried += 1
         try:
             yield

@@ -60,14 +60,14 @@ _NamedBox: TypeAlias = tuple[str, XYWH]
 def read_voc(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     """PASCAL VOC: JPEGImages/000001.jpg and Annotations/000001.xml.
 
-    Corners in whole numbers are 1-based pixels, both inside the box; corners with fractions, as
-    some tools write them, are edges.
+    Integer corners are 1-based pixels that belong to the box; fractional corners, which some
+    tools write, are its edges.
 
     Parameters
     ----------
     folder : Path
     names : NameFilter
-        Of the annotation files, without suffix.
+        Matches the annotation files, without suffix.
 
     Raises
     ------
@@ -79,10 +79,10 @@ def read_voc(folder: Path, names: NameFilter) -> list[TrainingTrack]:
 
 
 def read_voc_video(folder: Path, names: NameFilter) -> list[TrainingTrack]:
-    """As `read_voc`, with images that are consecutive frames of videos.
+    """As `read_voc`, for images that are consecutive frames of videos.
 
     Images with a single object are linked to a track while its name stays the same and its boxes
-    overlap. Objects of images with several are tracks of one frame.
+    overlap. In images with several objects, each object is a track of one frame.
     """
     annotated = _read_voc_boxes(folder, names)
     single = [(path, objects[0]) for path, objects in annotated if len(objects) == 1]
@@ -154,14 +154,14 @@ def _voc_track(run: list[tuple[Path, _NamedBox]]) -> BoxTrack:
 def read_coco(file: Path, names: NameFilter) -> list[TrainingTrack]:
     """COCO: one JSON file of images and objects with boxes and polygons or run lengths.
 
-    The images are in a folder beside the file or beside its folder, for example train2017/
-    beside annotations/instances_train2017.json. Crowds are left out.
+    The images are in a folder next to the file or next to its folder, for example train2017/
+    next to annotations/instances_train2017.json. Crowds are skipped.
 
     Parameters
     ----------
     file : Path
     names : NameFilter
-        Of the image files.
+        Matches the image files.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def _coco_image_folder(file: Path, images: Mapping[Any, str]) -> Path:
     for folder in (root / part for root in roots for part in inner):
         if inside(folder, name, file).is_file():
             return folder.resolve()
-    raise DatasetError(f"{file}: the image {name!r} is neither beside it nor in {split} or images")
+    raise DatasetError(f"{file}: the image {name!r} is neither next to it nor in {split} or images")
 
 
 def _coco_field(entry: Any, name: str, kinds: tuple[type, ...], file: Path) -> Any:
@@ -273,7 +273,7 @@ def read_yolo(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     ----------
     folder : Path
     names : NameFilter
-        Of the text files, without suffix: train/1.
+        Matches the text files, without suffix: train/1.
 
     Raises
     ------
@@ -300,20 +300,20 @@ def _yolo_objects(path: Path, image: Path) -> list[StillTrack]:
     return [_yolo_object(line, f"{path}: line {n}", image) for n, line in lines if line.strip()]
 
 
-def _yolo_object(line: str, at: str, image: Path) -> StillTrack:
+def _yolo_object(line: str, location: str, image: Path) -> StillTrack:
     try:
         numbers = np.array(line.split()[1:], dtype=np.float64)
     except ValueError:
-        raise DatasetError(f"{at} is {line[:40]!r}, not a class and numbers") from None
+        raise DatasetError(f"{location} is {line[:40]!r}, not a class and numbers") from None
     count = len(numbers)
     if count != _YOLO_BOX and (count < _YOLO_TRIANGLE or count % 2):
-        raise DatasetError(f"{at} has {count} numbers, neither a box nor a polygon")
+        raise DatasetError(f"{location} has {count} numbers, neither a box nor a polygon")
     if not (np.abs(numbers - 0.5) <= 0.5 + _YOLO_OUTSIDE).all():
-        raise DatasetError(f"{at} has numbers that are not fractions of the image size")
+        raise DatasetError(f"{location} has numbers that are not fractions of the image size")
     if count == _YOLO_BOX:
         cx, cy, w, h = numbers.tolist()
         if not (w > 0 and h > 0):
-            raise DatasetError(f"{at} has a box without area")
+            raise DatasetError(f"{location} has a box without area")
         return StillTrack(image, (cx, cy, w, h), as_fractions=True)
     ring = numbers.reshape(-1, 2)
     low, high = ring.min(axis=0), ring.max(axis=0)
@@ -331,7 +331,7 @@ def read_mask_images(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     ----------
     folder : Path
     names : NameFilter
-        Of the mask files, without suffix.
+        Matches the mask files, without suffix.
 
     Raises
     ------

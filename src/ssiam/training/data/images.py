@@ -19,7 +19,7 @@ __all__ = ["image_size", "read_cached", "read_labels", "read_unchanged"]
 
 Labels: TypeAlias = NDArray[np.int32]
 
-# Cached images: the two of a pair, and one more of each for its distractors.
+# Images: the two of a pair, and one more for the distractors of each.
 _CACHED: Final = 4
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 
@@ -87,20 +87,21 @@ def _palette(data: bytes) -> Labels | None:
     """Colors (N,) of a PNG's palette; None without one."""
     if not data.startswith(_PNG_SIGNATURE):
         return None
-    at = len(_PNG_SIGNATURE)
-    while at + 8 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, at)
+    offset = len(_PNG_SIGNATURE)
+    while offset + 8 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, offset)
         if kind == b"PLTE":
-            rgb = np.frombuffer(data[at + 8 : at + 8 + length // 3 * 3], dtype=np.uint8)
+            start = offset + 8
+            rgb = np.frombuffer(data[start : start + length // 3 * 3], dtype=np.uint8)
             return _color_codes(rgb.reshape(-1, 1, 3)[..., ::-1])[:, 0]
         if kind == b"IDAT":
             return None
-        at += length + 12
+        offset += length + 12
     return None
 
 
 def _palette_indices(colors: Labels, palette: Labels) -> Labels:
-    """Palette indices (H, W) of colors; the first index of a color that occurs twice."""
+    """Palette indices (H, W) of colors; the first one if a color occurs twice."""
     known, first = np.unique(palette, return_index=True)
-    at = np.clip(np.searchsorted(known, colors), 0, len(known) - 1)
-    return np.asarray(np.where(known[at] == colors, first[at], 0), dtype=np.int32)
+    index = np.clip(np.searchsorted(known, colors), 0, len(known) - 1)
+    return np.asarray(np.where(known[index] == colors, first[index], 0), dtype=np.int32)

@@ -29,8 +29,8 @@ _log = logging.getLogger(__name__)
 
 _TRIES: Final = 100  # targets drawn for one crop before it fails
 _ROTATION: Final = 8.0  # degrees, standard deviation
-# Errors of a tracker's boxes: standard deviations of the center, in sizes of the target, and of
-# the log of each side; both are clipped at twice that.
+# Errors of a tracker's boxes, clipped at two standard deviations: of the center, in sizes of the
+# target, and of the log of each side.
 _SHIFT: Final = 0.06
 _SCALE: Final = 0.13
 _COARSE: Final = (1.5, 6.0)  # factors of `coarsen`
@@ -44,7 +44,7 @@ class MaskSampler:
     ----------
     sources : sequence of Source
     settings : PairSettings, optional
-        Of which `augment` and `windows.turned` are used.
+        Only `augment` and `windows.turned` are used.
     seed : int
         The same seed gives the same crops, in any process and any order.
 
@@ -108,7 +108,7 @@ class MaskSampler:
     def _random_region(
         self, target: TargetFrame, mask: Mask, rng: np.random.Generator
     ) -> CropRegion:
-        """The region of the box of a rotated mask, with the errors of a tracker's boxes."""
+        """The region around the box of the rotated mask, with the errors of a tracker's boxes."""
         settings = self._settings
         any_angle = rng.random() < settings.windows.turned
         degrees = rng.uniform(-180, 180) if any_angle else _ROTATION * rng.normal()

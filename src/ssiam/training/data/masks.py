@@ -90,7 +90,9 @@ class RunLengths:
     def __post_init__(self) -> None:
         width, height = self.size_wh
         if not 0 < width * height <= _MAX_PIXELS or min(self.size_wh) <= 0:
-            raise ArgumentError(f"run lengths for an image of {width}x{height} pixels")
+            raise ArgumentError(
+                f"run lengths for an image of {width}x{height} pixels, an implausible size"
+            )
         if (self.counts < 0).any() or self.counts.sum() != width * height:
             raise ArgumentError(
                 f"run lengths of {self.counts.sum()} pixels for an image of {width}x{height}"
@@ -106,7 +108,7 @@ class RunLengths:
 
 @dataclass(frozen=True)
 class MaskImage:
-    """A mask in an image file: gray levels from 128 on, or any color but black."""
+    """A mask in an image file: gray levels of at least 128, or any color but black."""
 
     path: Path
 
@@ -145,7 +147,7 @@ def decode_coco_counts(text: str) -> NDArray[np.int64]:
         shift += _BITS
         if not code & _MORE:
             value -= (1 << shift) if code & _SIGN else 0
-            # From the fourth run on, the difference to the run two before it.
+            # From the fourth run on, the text has the difference from the run two before.
             counts.append(value + (counts[-2] if len(counts) > 2 else 0))
             value = shift = 0
     if shift:
@@ -154,7 +156,7 @@ def decode_coco_counts(text: str) -> NDArray[np.int64]:
 
 
 def box_of_mask(mask: Mask) -> XYWH | None:
-    """The bounding box of a mask (H, W), px; None of an empty one."""
+    """The bounding box of a mask (H, W), px; None if the mask is empty."""
     x, y, w, h = cv2.boundingRect(mask.astype(np.uint8))
     return (float(x), float(y), float(w), float(h)) if w else None
 

@@ -50,10 +50,10 @@ __all__ = ["PairSampler"]
 _log = logging.getLogger(__name__)
 
 _TRIES: Final = 100  # targets drawn for one pair before it fails
-# Variation of recent templates, which a tracker cuts by its own boxes, relative to templates.
+# Variation of recent templates relative to templates: a tracker cuts them at its own boxes.
 _RECENT_VARIATION: Final = 2.5
-_RECENT_REACH: Final = 4  # a recent template is from within a quarter of `reach`
-_SMALL: Final = (12.0, 32.0)  # px of the frame, sides of a small target
+_RECENT_REACH: Final = 4  # recent templates are drawn within `reach` divided by this
+_SMALL: Final = (12.0, 32.0)  # px of the frame, side of a small target
 _TEMPLATE_SHAKE: Final = 0.25  # probability of a blurred template, relative to search crops
 
 
@@ -64,7 +64,7 @@ class _SearchSample:
     Attributes
     ----------
     frame : TargetFrame
-        The frame, and the object in it at which the region is aimed.
+        The frame, and the object in it that the region is aimed at.
     region : CropRegion
     shake : Shake
     present : bool
@@ -101,7 +101,7 @@ class _SearchSample:
 class PairSampler:
     """Samples pairs of crops. Damaged images are skipped with one warning each.
 
-    Threads: one thread at a time; other processes make one of their own.
+    Threads: one thread at a time; each process needs a separate sampler.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class PairSampler:
         Raises
         ------
         DatasetError
-            A hundred draws found no visible target; names the last damaged file, if any.
+            A hundred draws found no visible target. The message names the last damaged file.
         """
         return collate([self.pair(step, index) for index in range(size)])
 
@@ -163,7 +163,7 @@ class PairSampler:
         template = self._template(target, mirrored, rng)
         nearby = self._targets.draw_nearby(target, rng)
         sample = self._search_sample(nearby, mirrored, rng)
-        search, box, mask = self._search(sample, rng)
+        search, box, mask = self._cut(sample, rng)
         template, search = (augment_crop(crop, augment, rng) for crop in (template, search))
         recent = self._recent_template(nearby, mirrored, rng) if with_recent else None
         template_wh = _template_wh(target)
@@ -185,25 +185,25 @@ class PairSampler:
     def _recent_template(
         self, target: TargetFrame, mirrored: bool, rng: np.random.Generator
     ) -> Image:
-        """The target near the search crop's frame or, sometimes, a distractor beside it."""
+        """A crop of the target in a frame near the search crop's, or sometimes of a distractor."""
         windows = self._settings.windows
         varied = replace(
             windows,
             template_shift=windows.template_shift * _RECENT_VARIATION,
             template_scale=windows.template_scale * _RECENT_VARIATION,
         )
-        recent = self._recent(target, rng)
+        recent = self._recent_frame(target, rng)
         region = random_template_region(recent.xywh, mirrored, varied, rng)
         return augment_crop(crop_image(recent.image, region), self._settings.augment, rng)
 
-    def _recent(self, target: TargetFrame, rng: np.random.Generator) -> TargetFrame:
+    def _recent_frame(self, target: TargetFrame, rng: np.random.Generator) -> TargetFrame:
         if rng.random() < self._settings.mistaken:
             distractor = self._targets.draw_distractor(target, rng)
             if distractor is not None:
                 return distractor
         return self._targets.draw_nearby(target, rng, self._settings.reach // _RECENT_REACH)
 
-    def _search(
+    def _cut(
         self, sample: _SearchSample, rng: np.random.Generator
     ) -> tuple[Image, NDArray[np.float32], NDArray[np.uint8] | None]:
         """The search crop, and the box (4,) and mask (64, 64) of the target in it."""

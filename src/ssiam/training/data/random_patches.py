@@ -21,12 +21,12 @@ from ssiam.training.data.tracks import SingleImageTrack
 __all__ = ["RandomPatchSource", "RandomPatchTrack"]
 
 _PER_IMAGE: Final = 32  # patches
-_CANDIDATES: Final = 8  # of which the patch with most texture is used
+_CANDIDATES: Final = 8  # drawn for each patch; the one with the most texture is used
 _SIDE: Final = (0.1, 0.45)  # of a patch, as a fraction of the image's shorter side
 _ASPECT: Final = 0.35  # standard deviation of the log of the aspect ratio
 _TEXTURE_SIDE: Final = 320  # px, longer side of the image in which texture is measured
-# Smaller eigenvalue of the structure tensor, squared gray levels per px, below which a patch cannot
-# be localized, for example along a line or in the sky.
+# Smaller eigenvalue of the structure tensor, (gray levels per px)^2. A patch below it cannot be
+# localized, for example along a line or in the sky.
 _MIN_TEXTURE: Final = 16.0
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -86,7 +86,7 @@ class RandomPatchSource:
         return RandomPatchTrack(self.images[i % len(self.images)], i)
 
     def distractors(self, i: int) -> Sequence[int]:
-        """None: patches of one image may overlap."""
+        """Empty: patches of one image may overlap."""
         return ()
 
 
@@ -101,7 +101,7 @@ def _candidates(rng: np.random.Generator, width: int, height: int) -> Floats:
 
 
 def _min_eigenvalues(image: Image, xywh: Floats) -> Floats:
-    """The smaller eigenvalue (N,) of the mean structure tensor in each box."""
+    """The smaller eigenvalue (N,) of the mean structure tensor in each box (N, 4), px."""
     scale = min(1.0, _TEXTURE_SIDE / max(image_size(image)))
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     gray = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)

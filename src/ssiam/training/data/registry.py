@@ -72,15 +72,15 @@ class SourceSettings:
     backgrounds : tuple of str
         For "stamps": folders of background images.
     alike : bool
-        Two videos or images of the set may show the same object, as in a set of few scenes.
-        Negatives are then always taken from another set.
+        Whether two videos or images of the set may show the same object, as in a set of few
+        scenes. Negatives are then always drawn from another set.
     rivals : float
         For "stamps": fraction 0..1 of the scenes with distractors of similar size.
     tumbling : float
         For "stamps": fraction 0..1 of the scenes whose target has arbitrary rotations.
     interpolate : int
-        For "tracks": largest distance of two annotated frames between which a distractor's box is
-        interpolated.
+        For "tracks": largest distance between two annotated frames for which a distractor's box
+        is interpolated.
 
     Raises
     ------
@@ -121,7 +121,7 @@ class SourceSettings:
 
 
 def open_training_source(settings: SourceSettings, root: Path | None = None) -> Source:
-    """Open a set and read its annotations, but no images.
+    """Open a training set: read its annotations, but no images.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from ssiam.training.data.tracks import Source, TrainingTrack
 
 __all__ = ["TargetFrame", "TargetSampler"]
 
-_TRIES: Final = 6  # frames or tracks that are tried
+_TRIES: Final = 6  # frames or tracks that are tried before giving up
 # Requirements on targets.
 _MIN_SIDE: Final = 10.0  # px, square root of the area
 _MIN_INSIDE: Final = 0.5  # fraction of the box inside the frame
@@ -29,7 +29,7 @@ class TargetFrame:
     Attributes
     ----------
     source, index : int
-        Of the source among the sources, and of the track in it.
+        Index of the source among the sources, and of the track in the source.
     track : TrainingTrack
     t : int
         The frame.
@@ -53,7 +53,7 @@ class TargetSampler:
     ----------
     sources : sequence of Source
     reach : int
-        Largest distance of two frames of a pair, frames.
+        Largest distance between the two frames of a pair, frames.
 
     Raises
     ------

@@ -119,11 +119,12 @@ class PairSettings:
     negatives : float
         Fraction 0..1 of pairs whose search crop does not show the target.
     beside, away : float
-        Fractions 0..1 of the negatives that show a distractor in the same frame (where there is
-        one), and another part of the same frame. The others show the target of another track.
+        Fractions 0..1 of the negatives: `beside` of them show a distractor in the same frame, if
+        there is one, and `away` another part of the frame. The others show the target of another
+        track.
     recent : float
         Fraction 0..1 of batches with a second, recent template. In the other batches the template
-        also serves as the recent one, which is faster.
+        is also the recent one, which is faster.
     mistaken : float
         Fraction 0..1 of the recent templates that show a distractor.
     towards : float

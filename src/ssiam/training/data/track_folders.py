@@ -58,14 +58,14 @@ class SceneTrack(BoxTrack):
     Attributes
     ----------
     scene : str
-        Common to all tracks of the scene, any two of which may show the same objects.
+        Name of the scene. Any two tracks of a scene may show the same objects.
     """
 
     scene: str
 
     @property
     def scene_ids(self) -> tuple[str, ...]:
-        """The folder and the scene."""
+        """The folder's path and the scene."""
         return (str(self.folder), self.scene)
 
 
@@ -79,13 +79,13 @@ class TrackFolderSource:
     ----------
     name : str
     folder : Path
-        Of all sets, or of one set.
+        Folder of all sets, or of one set.
     names : NameFilter
-        Of the videos: "SET/VIDEO".
+        Matches the videos: "SET/VIDEO".
     weight : float
     alike : bool
     interpolate : int
-        Largest distance of two annotated frames between which a distractor's box is interpolated,
+        Largest distance between two annotated frames for which a distractor's box is interpolated,
         if it moves by less than its size; 0 uses annotated frames only.
 
     Raises
@@ -129,7 +129,7 @@ class TrackFolderSource:
         return self._count
 
     def track(self, i: int) -> SceneTrack:
-        """The track of a folder, or from index ``len`` on, of a distractor."""
+        """The track of a folder or, from index ``len`` on, of a distractor."""
         return self._tracks[i]
 
     def distractors(self, i: int) -> Sequence[int]:
@@ -146,7 +146,7 @@ def list_videos(folder: Path) -> tuple[str, ...]:
     Parameters
     ----------
     folder : Path
-        Of all sets, or of one set.
+        Folder of all sets, or of one set.
 
     Raises
     ------
@@ -169,7 +169,7 @@ class _Folder:
 
 @dataclass
 class _Object:
-    """An object of a video, with the annotations of all folders."""
+    """An object of a video, with its annotations in all folders."""
 
     frames: list[int] = field(default_factory=list)  # ascending
     boxes: list[XYWH] = field(default_factory=list)  # px of the frame
@@ -276,7 +276,7 @@ def _objects_by_kind(entries: Iterable[_Folder]) -> dict[tuple[str, str], dict[_
 def _distractor_tracks(
     entry: _Folder, objects: dict[_Key, _Object], interpolate: int
 ) -> list[SceneTrack]:
-    """The other objects in the images of a folder, without those that are in none of them."""
+    """The other objects that are visible in at least one image of a folder."""
     track, found = entry.track, []
     for key, other in objects.items():
         if key != entry.key:
@@ -290,7 +290,7 @@ def _distractor_tracks(
 
 
 def _box_in_image(xywh: XYWH | None, region: _Region) -> XYWH | None:
-    """A box of the frame in the image of a region; None if most of it is outside."""
+    """A box of the frame, mapped into the image of a region; None if most of it is outside."""
     if xywh is None:
         return None
     left, top, scale, width, height = region
@@ -303,6 +303,6 @@ def _box_in_image(xywh: XYWH | None, region: _Region) -> XYWH | None:
 
 def _relative_motion(first: XYWH, last: XYWH) -> float:
     """Distance of the centers of two boxes, in sizes of the smaller one."""
-    (x, y, w, h), (u, v, p, q) = first, last
-    distance = math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2)
-    return distance / math.sqrt(min(w * h, p * q))
+    (x, y, w, h), (last_x, last_y, last_w, last_h) = first, last
+    dx, dy = x + w / 2 - last_x - last_w / 2, y + h / 2 - last_y - last_h / 2
+    return math.hypot(dx, dy) / math.sqrt(min(w * h, last_w * last_h))

@@ -30,7 +30,7 @@ __all__ = [
 class TrainingTrack(Protocol):
     """One object over the frames of a video, or in a single image.
 
-    Threads: any number may read it at once.
+    Threads: any number of threads may read it.
 
     Frames count from 0. Boxes are 0-based px of the frame: x is the first column that the target
     covers, w the number of columns.
@@ -42,7 +42,7 @@ class TrainingTrack(Protocol):
 
     @property
     def scene_ids(self) -> tuple[str, ...]:
-        """Paths of what its frames show; tracks that share one may show the same object."""
+        """Names of what its frames show; tracks with a common one may show the same object."""
 
     def image(self, t: int) -> Image:
         """Read-only frame (H, W, 3) uint8 BGR; `SsiamError` if its file is damaged."""
@@ -76,7 +76,7 @@ class Source(Protocol):
         """Number of tracks."""
 
     def track(self, i: int) -> TrainingTrack:
-        """The track at an index; the same one for every call."""
+        """The track at an index; always the same."""
 
     def distractors(self, i: int) -> Sequence[int]:
         """Indices of the other tracks with the same frames."""
@@ -91,7 +91,7 @@ class NameFilter:
     only : tuple of str
         Names to include; empty includes all.
     without : tuple of str
-        Names to exclude from these.
+        Names to exclude, even if `only` includes them.
     """
 
     only: tuple[str, ...] = ()
@@ -154,7 +154,7 @@ class SingleImageTrack:
 
     @property
     def frames(self) -> int:
-        """1."""
+        """Number of frames: 1."""
         return 1
 
     @property
@@ -227,7 +227,7 @@ class BoxTrack(_VideoTrack):
     Attributes
     ----------
     folder : Path
-        Of the images, or the first image if the folder holds others too.
+        Folder of the images; the first image, if the folder contains other images too.
     paths : tuple of Path
         The images.
     boxes : tuple of (float, float, float, float) or None
@@ -241,7 +241,7 @@ class BoxTrack(_VideoTrack):
         return self.boxes[t]
 
     def mask(self, t: int) -> Mask | None:
-        """None."""
+        """None: the track has boxes only."""
         return None
 
 
@@ -252,11 +252,11 @@ class LabelTrack(_VideoTrack):
     Attributes
     ----------
     folder : Path
-        Of the images.
+        Folder of the images.
     paths, labels : tuple of Path
         The images and their label images.
     label : int
-        Of the object, see `ssiam.training.data.images.read_labels`.
+        Label of the object, see `ssiam.training.data.images.read_labels`.
     """
 
     labels: tuple[Path, ...]

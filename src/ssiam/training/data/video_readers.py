@@ -25,13 +25,13 @@ from ssiam.training.data.tracks import BoxTrack, LabelTrack, NameFilter, Trainin
 
 __all__ = ["SequenceSource", "read_davis", "read_mot", "read_youtube_vos"]
 
-# DAVIS's resolutions; the smallest images first, as crops have 255 px.
+# DAVIS's resolutions, the smallest first: crops have 255 px.
 _DAVIS_SIZES: Final = ("480p", "Full-Resolution", "1080p", "")
 
 _YOUTUBE_META: Final = "meta.json"
 _YOUTUBE_MAX_BYTES: Final = 1 << 27  # of meta.json
 
-_MOT_MIN_VISIBLE: Final = 0.4  # visible fraction of an object below which it counts as hidden
+_MOT_MIN_VISIBLE: Final = 0.4  # visible fraction below which an object counts as hidden
 
 _HIDDEN_TAGS: Final = ("full_occlusion", "out_of_view", "absence")
 _CACHED_SEQUENCES: Final = 64  # reading a sequence again takes as long as a few images
@@ -47,7 +47,7 @@ def read_davis(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     ----------
     folder : Path
     names : NameFilter
-        Of the videos.
+        Matches the videos.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def _davis_tracks(images: Path, labels: Path) -> list[LabelTrack]:
 
 
 def _labeled_images(images: Path, labels: Path) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
-    """The images of a video that have label images, and these; `DatasetError` without any."""
+    """The labeled images of a video, and their label images; `DatasetError` if there are none."""
     by_stem = {path.stem: path for path in images_in(labels)}
     paths = tuple(path for path in images_in(images) if path.stem in by_stem)
     if not paths:
@@ -91,7 +91,7 @@ def read_youtube_vos(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     ----------
     folder : Path
     names : NameFilter
-        Of the videos.
+        Matches the videos.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def read_mot(folder: Path, names: NameFilter) -> list[TrainingTrack]:
     folder : Path
         A clip, or clips in it or in its subfolders.
     names : NameFilter
-        Of the clips.
+        Matches the clips.
 
     Raises
     ------
@@ -189,7 +189,7 @@ class SequenceSource:
     name : str
     dataset : Dataset
     names : NameFilter
-        Of the sequences.
+        Matches the sequences.
     weight : float
     alike : bool
     """
@@ -228,7 +228,7 @@ class SequenceSource:
         return self._cache[name]
 
     def distractors(self, i: int) -> Sequence[int]:
-        """None: a sequence annotates one object."""
+        """Empty: a sequence annotates one object."""
         return ()
 
 

@@ -31,12 +31,12 @@ class Arrival:
 
 
 def known_fps(source: Source) -> float | None:
-    """Frames per second if the source states them, else None."""
+    """Frames per second if the source states the rate, else None."""
     return float(source.fps) if source.info.is_rate_known else None
 
 
 class Feed:
-    """A source of which only the newest frame is kept; older ones are dropped, never queued.
+    """Delivers the newest frame of a source; older frames are dropped, never queued.
 
     Subclasses add the frames, on their own thread. All methods are safe to call from any thread.
 
@@ -81,7 +81,7 @@ class Feed:
         self._closed = False
         self._dropped = 0
         self._paused = False
-        self._passes = 0  # frames that may be taken while paused
+        self._passes = 0  # number of frames that may be taken while paused
         self._released_at = 0.0
 
     @property
@@ -97,7 +97,7 @@ class Feed:
         return self._dropped
 
     def take(self, timeout: float) -> Arrival | None:
-        """The newest frame that was not taken yet.
+        """Take the newest frame, unless it was taken before.
 
         None if none arrives within `timeout` seconds, or if the feed is closed.
         """

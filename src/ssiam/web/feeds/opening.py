@@ -9,8 +9,9 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
 
+from ssiam.errors import check_choice
 from ssiam.video import Source, open_source
 from ssiam.video.containers import Input, Pipe, open_container
 from ssiam.video.levels import Levels
@@ -26,12 +27,14 @@ if TYPE_CHECKING:
 
 BROWSER: Final = "browser"
 
-# Schemes of servers that send in real time even what has an end.
+Pace: TypeAlias = Literal["clock", "fast"]
+
+# Schemes of servers that send in real time, even if the stream states its length.
 _STREAMING: Final = ("rtsp", "rtsps", "rtmp", "rtmps")
-# Playlists: their frames arrive in segments of many seconds.
+# Suffixes of playlists, whose frames arrive in segments of many seconds.
 _PLAYLISTS: Final = (".m3u8", ".mpd")
-# Seconds of silence after which a stream counts as lost. Twice as long where FFmpeg, as for
-# H.264, holds the last frame back until it knows that the frame is complete.
+# Seconds of silence after which a stream counts as lost. It takes twice as long for codecs such as
+# H.264, because FFmpeg delays the last frame until it is known to be complete.
 _SILENCE: Final = 2.0
 _STOP_INTERVAL: Final = 0.2  # seconds between two checks for `stop` while standard input is silent
 
@@ -39,7 +42,7 @@ _STOP_INTERVAL: Final = 0.2  # seconds between two checks for `stop` while stand
 def open_feed(
     spec: str,
     *,
-    pace: Literal["clock", "fast"] = "clock",
+    pace: Pace = "clock",
     notify: Callable[[Note], None],
     stream: int | None = None,
     levels: tuple[float, float] | None = None,
@@ -55,15 +58,17 @@ def open_feed(
         fast: each frame waits until it is taken. Cameras and streams always play in real time.
     notify : callable
         Receives notes about the source, on a thread of the feed.
-    stream : int or None
-    levels : (low, high) or None
-        Both as in `open_source`.
+    stream, levels
+        As in `open_source`.
 
     Raises
     ------
+    ArgumentError
+        The pace is unknown.
     SourceError
         The source cannot be opened.
     """
+    check_choice("pace", pace, get_args(Pace))
     if spec == BROWSER:
         return PushedFeed(BROWSER)
     if spec == STDIN and _is_piped():
@@ -86,7 +91,7 @@ def _open(spec: str, stream: int | None, levels: tuple[float, float] | None) -> 
 
 
 def _is_live(spec: str, source: Source) -> bool:
-    """Whether the source goes on while nobody reads it."""
+    """Whether the source continues while it is not read."""
     if not _is_remote(spec):
         return camera_index(spec) is not None
     return source.length is None or _scheme(spec) in _STREAMING
@@ -107,8 +112,7 @@ def _scheme(address: str) -> str:
 class _StoppableInput(io.RawIOBase):
     """Raw bytes of a pipe, which end after `stop`.
 
-    Python's own standard input does not serve: a thread that blocks in it aborts the interpreter
-    at exit.
+    `sys.stdin` cannot be used: a thread that blocks in it aborts the interpreter at exit.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -133,7 +137,7 @@ class _StoppableInput(io.RawIOBase):
 
 
 def _is_piped() -> bool:
-    """Whether standard input is a pipe, not a file or a terminal."""
+    """Whether standard input is a pipe, and neither a file nor a terminal."""
     return sys.stdin is not None and not sys.stdin.isatty() and not sys.stdin.buffer.seekable()
 
 
@@ -142,11 +146,11 @@ def _open_pipe(
 ) -> tuple[Source, Callable[[], None]]:
     """A source on standard input, and a function that ends it from any thread."""
     raw = _StoppableInput(sys.stdin.fileno())
-    given = Input(
+    pipe_input = Input(
         name="standard input",
         file=Pipe(io.BufferedReader(raw)),
         advice="pipe in y4m, mpegts or matroska",
         stream=stream,
         levels=None if levels is None else Levels(*levels),
     )
-    return open_container(given), raw.stop
+    return open_container(pipe_input), raw.stop

@@ -15,9 +15,8 @@ from ssiam.web.types import Note
 
 _log = logging.getLogger(__name__)
 
-# Seconds by which a frame may be late and is caught up with, and by which it may be early and is
-# waited for. Beyond these the clock restarts: the computer slept, or the file was joined from
-# several.
+# Seconds by which a frame may be late or early. Beyond these limits the clock restarts: the
+# computer was suspended, or the file was joined from several.
 _MAX_LATE: Final = 1.0
 _MAX_EARLY: Final = 10.0
 _CLOSE_TIMEOUT: Final = 1.0  # seconds that `close` waits for the reader, which may be decoding
@@ -65,11 +64,11 @@ class PacedFeed(Feed):
     source : Source
         Closed by the feed.
     notify : callable
-        Receives a note, on the feed's thread, if the source breaks off.
+        Receives a note, on the feed's thread, if reading fails.
     reopen : callable or None
         Opens the source again for `restart`; None if that is impossible.
     every_frame : bool
-        Whether each frame waits until it is taken, and no clock applies.
+        Whether each frame waits until it is taken; the clock is then not used.
     stop : callable or None
         Called by `close` to end a source that may block.
     """
@@ -90,7 +89,7 @@ class PacedFeed(Feed):
         self._reopen = reopen
         self._every_frame = every_frame
         self._stop = stop
-        # Number of the current reader; readers of earlier runs compare it and end.
+        # Number of the current run; a reader of an earlier one notices the difference and ends.
         self._run = 0
         self._thread = self._reader_of(source)
         self._thread.start()
@@ -103,7 +102,7 @@ class PacedFeed(Feed):
         CommandError
             The feed is not `seekable`.
         SourceError
-            The source cannot be opened again; the current run goes on.
+            The source cannot be opened again; the current run continues.
         """
         if self._reopen is None:
             super().restart()
@@ -156,7 +155,7 @@ class PacedFeed(Feed):
                 self._changed.notify_all()
 
     def _put_when_due(self, frame: Frame, clock: PlayClock, run: int) -> bool:
-        """Put the frame when it is due; False if this run ends before."""
+        """Put the frame when it is due; return False if this run has ended before."""
         with self._changed:
             while run == self._run and not self._closed:
                 now = time.monotonic()

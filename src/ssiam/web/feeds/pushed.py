@@ -19,21 +19,21 @@ _RATE_FRAMES: Final = 30  # frames over which the rate is averaged
 
 _SOI, _EOI = b"\xff\xd8", b"\xff\xd9"  # markers of a JPEG's start and end
 _SOS: Final = 0xDA  # start of scan
-# Start of frame (SOF), all kinds; three markers of other kinds lie among them.
+# Start of frame (SOF), all kinds; three markers in this range have another meaning.
 _SOF: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-# Segments allowed before the frame: tables, restart intervals, comments and application data. All
-# of them have a length. At a marker without one, this parser and the decoder could disagree on
-# where the frame header is, and so on the size.
+# Segments allowed before the frame: tables, restart intervals, comments and application data. They
+# all have a length. After a marker without one, this parser and the decoder could find different
+# frame headers, and therefore different sizes.
 _SKIPPED: Final = frozenset((0xC4, 0xCC, 0xDB, 0xDD, 0xFE, *range(0xE0, 0xF0)))
-# Progressive images usually have about ten scans. Each scan, even one of a few bytes, makes the
-# decoder go over the whole image.
+# Progressive images usually have about ten scans. For each scan, even one of a few bytes, the
+# decoder processes the whole image.
 _MAX_SCANS: Final = 20
 
 
 class PushedFeed(Feed):
-    """Frames that are pushed by a browser, of any size.
+    """Frames of any size that a browser pushes.
 
-    The size and the rate are None until frames have arrived. Times are times of arrival.
+    The size and the rate are None until frames have arrived. The time of a frame is its arrival.
     """
 
     def __init__(self, name: str = "browser") -> None:

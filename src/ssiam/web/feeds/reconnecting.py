@@ -16,12 +16,12 @@ from ssiam.web.types import Note
 
 _log = logging.getLogger(__name__)
 
-# Seconds between attempts: the first wait, doubled up to the longest. Frames resume at most the
-# longest wait after the server does, plus the second that FFmpeg takes to probe a stream.
+# Seconds between attempts: the first wait, doubled up to the maximum. After the server is back,
+# frames resume within the maximum, plus the second that FFmpeg takes to probe a stream.
 _FIRST_WAIT: Final = 0.25
 _MAX_WAIT: Final = 1.0
 _STABLE_SECONDS: Final = 5.0  # duration of a connection after which the waits start over
-# Seconds by which a stream's own time may deviate from ours; its buffer arrives at once.
+# Seconds by which a stream's time may deviate from the clock; its buffer arrives all at once.
 _MAX_DRIFT: Final = 3.0
 _CLOSE_TIMEOUT: Final = 1.0  # seconds that `close` waits for the reader, which may be blocked
 
@@ -29,7 +29,7 @@ _CLOSE_TIMEOUT: Final = 1.0  # seconds that `close` waits for the reader, which 
 class StreamTime:
     """Indices and times that continue across reconnections.
 
-    Times are the stream's own as long as it has some and they agree with ours, else times of
+    Times are those of the stream if it has any and they agree with the clock, else times of
     arrival.
     """
 
@@ -37,18 +37,18 @@ class StreamTime:
         self._count = 0
         self._last_time = 0.0
         self._last_arrival = 0.0
-        self._offset: float | None = None  # ours minus the stream's
-        self._start = 0.0  # our clock at time 0
+        self._offset: float | None = None  # our time minus the stream's
+        self._start = 0.0  # the clock at time 0
         self._is_trusted = True
 
     def reconnect(self) -> None:
-        """Expect the next frame's time to count from another origin."""
+        """The stream was opened again: the next frame's time counts from another origin."""
         self._offset = None
         self._start = 0.0
         self._is_trusted = True
 
     def renumber(self, frame: Frame, now: float) -> Frame:
-        """The frame, which arrived `now`, with its index and time (s) since the first one."""
+        """A frame that arrived at `now` (s), with its index and time (s) since the first one."""
         by_arrival = self._last_time + now - self._last_arrival if self._count else 0.0
         time = self._time(frame, by_arrival, now)
         numbered = Frame(self._count, time, frame.image)
@@ -62,7 +62,7 @@ class StreamTime:
             self._offset, self._start = by_arrival - frame.time, now - by_arrival
             return by_arrival
         time = frame.time + self._offset
-        # Some streams state a wrong rate; others jump, or start over.
+        # Some streams state a wrong rate; in others the time jumps or starts again.
         self._is_trusted = time > self._last_time and abs(time + self._start - now) <= _MAX_DRIFT
         return time if self._is_trusted else by_arrival
 
@@ -82,7 +82,7 @@ class ReconnectingFeed(Feed):
     reopen : callable
         Opens the source again.
     in_bursts : bool
-        Whether the source delivers many frames at once, to be played in real time.
+        Whether the source delivers many frames at once, which are then played in real time.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class ReconnectingFeed(Feed):
             connected = self._reconnect()
 
     def _read_to_end(self, source: Source) -> bool:
-        """Put all frames; whether the source reached the end that it had stated."""
+        """Put all frames; return whether the source has a stated length and has reached its end."""
         clock = PlayClock(float(source.fps)) if self._in_bursts else None
         try:
             with source:
@@ -140,7 +140,7 @@ class ReconnectingFeed(Feed):
         return source.length is not None
 
     def _reconnect(self) -> Source | None:
-        """Open the source again, with as many attempts as it takes; None if the feed is closed."""
+        """Open the source again, with any number of attempts; None if the feed is closed."""
         if self._closed:
             return None
         self._state = "reconnecting"

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from ssiam.web.session import Session
 
 _READ_TIMEOUT: Final = 0.02  # seconds to wait for bytes before the session's results are checked
-_FRAME_TIMEOUT: Final = 0.2  # seconds of silence that end a frame; radios pause for less within one
+_FRAME_TIMEOUT: Final = 0.2  # seconds of silence that end a frame; radios pause less within one
 _HEARTBEAT_INTERVAL: Final = 1.0  # seconds
-_BYTES_PER_SECOND: Final = 65536  # that are read; the system drops the rest
-_COMMANDS_PER_SECOND: Final = 20  # that are executed; the rest is not answered
+_BYTES_PER_SECOND: Final = 65536  # limit of reading; the system drops the rest
+_COMMANDS_PER_SECOND: Final = 20  # limit of execution; further commands are not answered
 
 
 class MavlinkCamera:
@@ -45,7 +45,7 @@ class MavlinkCamera:
     ArgumentError
         The address or the system is invalid.
     MissingExtraError
-        When this module is imported without pymavlink.
+        pymavlink is not installed; raised when this module is imported.
     """
 
     def __init__(self, session: Session, address: str, *, system: int = 1) -> None:

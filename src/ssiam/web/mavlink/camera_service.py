@@ -1,4 +1,4 @@
-"""`CameraService`: MAVLink's camera protocol on a session: commands in, messages out."""
+"""`CameraService`: executes commands of MAVLink's camera protocol on a session."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class CameraService:
     def handle(self, command: ReceivedCommand) -> Iterator[Message]:
         """Execute a command; yields the messages to be sent at once.
 
-        A command that is repeated, because its answer was lost or takes long, is executed once.
+        A command that is sent again, because its answer was lost or is late, is executed once.
         """
         if command.repeated and self._is_last(command):
             result = self._last_result
@@ -206,7 +206,7 @@ class StatusInterval:
         self._next = min(self._next, now + interval)
         if interval == math.inf or now < self._next:
             return False
-        # The interval is met on average, although steps come at their own times.
+        # The interval is met on average, although it is not a multiple of the time between steps.
         is_late = now - self._next >= interval
         self._next = (now if is_late else self._next) + interval
         self._last_status = status
@@ -232,10 +232,10 @@ class _PendingCommand:
 
 
 class _StationTarget:
-    """The one target that the ground station started; targets of others are not touched.
+    """The one target that the ground station started; targets of others are not changed.
 
-    Nothing blocks: `results` yields what the session has answered. `current` may be read on any
-    thread, all else must be called on one.
+    No method blocks: `results` yields what the session has answered. `current` may be read on any
+    thread; the methods must be called on one thread.
     """
 
     def __init__(self, session: Session) -> None:
@@ -245,7 +245,7 @@ class _StationTarget:
         self.current = _CurrentTarget()
 
     def start(self, command: ReceivedCommand, xywh: XYWH, mode: int) -> int | None:
-        """Track what is in `xywh` (raw-frame pixels) in place of the previous target.
+        """Track what is in `xywh` (raw-frame pixels) instead of the previous target.
 
         Returns the MAV_RESULT if it is known at once; None if `results` will yield it.
         """
@@ -257,7 +257,7 @@ class _StationTarget:
         return None
 
     def stop(self, command: ReceivedCommand) -> int | None:
-        """Remove the target; returns the same as `start`."""
+        """Remove the target; returns as `start`."""
         answer = self._remove_current()
         if answer is None:
             return _ACCEPTED
@@ -271,7 +271,7 @@ class _StationTarget:
         for each in answered:
             result = _mav_result(each.answer)
             if each.mode is None:
-                # The target does not exist any more, whoever removed it.
+                # The target no longer exists, whoever removed it.
                 result = _ACCEPTED
             elif result == _ACCEPTED:
                 self._set_current(each.answer.result(), each.mode, each.turn)

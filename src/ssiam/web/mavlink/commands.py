@@ -53,12 +53,12 @@ class ReceivedCommand:
 
 
 class CommandReader:
-    """Splits arbitrary bytes into frames, and keeps the commands for one component.
+    """Splits arbitrary bytes into frames, and selects the commands for one component.
 
     Parameters
     ----------
     system, component : int
-        Commands for these, or for 0, are kept.
+        Commands to these, or to 0, are selected.
     """
 
     def __init__(self, system: int, component: int) -> None:
@@ -73,9 +73,9 @@ class CommandReader:
         ----------
         data : bytes
         is_complete : bool
-            Whether the last frame ends here, because `data` is a datagram or the link was silent.
-            What looks like the start of a longer frame is then skipped, and all bytes after a
-            damaged frame are discarded: a datagram full of them would take long to search.
+            Whether `data` ends the last frame, because it is a datagram or the link was silent.
+            The start of a longer frame is then skipped, and all bytes after a damaged frame are
+            discarded: a datagram full of damaged frames would take long to search.
         """
         self._buffer += data
         while frame := self._next_frame(is_complete=is_complete):
@@ -141,7 +141,7 @@ class RateLimit:
         self._window_start, self._used = -math.inf, 0
 
     def take(self, amount: int) -> bool:
-        """Use `amount`; whether the limit of this second was not yet reached before."""
+        """Use `amount`; return False if the limit of this second had been reached before."""
         now = time.monotonic()
         if now >= self._window_start + 1:
             self._window_start, self._used = now, 0

@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 _KINDS: Final = "udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or a serial port /dev/NAME,BAUD"
 _READ_BYTES: Final = 2048  # of one read; a MAVLink frame has 280 at most
-_MAX_PEERS: Final = 4  # that are answered at a time
+_MAX_PEERS: Final = 4  # answered at a time
 _START_BYTES: Final = (0xFD, 0xFE)  # of a frame, versions 2 and 1
 _DEFAULT_BAUD: Final = 115200
 _CONNECT_TIMEOUT: Final = 1.0  # seconds
@@ -35,13 +35,13 @@ class Link(Protocol):
     Attributes
     ----------
     datagrams : bool
-        Whether each `read` returns complete frames, none of which continues in the next one.
+        Whether each `read` returns complete frames; no frame continues in the next `read`.
     """
 
     datagrams: bool
 
     def read(self, seconds: float) -> bytes:
-        """The bytes that have arrived; b"" if none does within `seconds`."""
+        """Return the bytes that have arrived; b"" if none arrives within `seconds`."""
 
     def write(self, data: bytes) -> None:
         """Send without blocking; drop the data if that is impossible."""
@@ -57,8 +57,8 @@ def open_link(address: str) -> Link:
     ----------
     address : str
         In pymavlink's syntax. ``udpout:HOST:PORT`` sends to that address; ``udpin:HOST:PORT``
-        (or ``udp:``) waits there for others; ``tcp:HOST:PORT`` connects, with as many attempts as
-        it takes; all else is a serial port, with its baud rate after a comma (115200).
+        (or ``udp:``) listens there; ``tcp:HOST:PORT`` connects, with any number of attempts;
+        anything else is a serial port, with its baud rate after a comma (default 115200).
 
     Raises
     ------
@@ -95,7 +95,7 @@ class _UdpOut:
         self._selector = _selector_of(self._socket)
 
     def read(self, seconds: float) -> bytes:
-        # While nobody listens at the peer, the system raises an error on the next call.
+        # If no program listens at the peer, the next call raises an error.
         with suppress(OSError):
             if self._selector.select(seconds):
                 return self._socket.recv(_READ_BYTES)
@@ -183,12 +183,12 @@ class StreamLink:
         self._lock = threading.Lock()
         self._port: Port | None = None
         self._selector = selectors.DefaultSelector()
-        self._unsent = b""  # rest of the frame of which a part was sent
+        self._unsent = b""  # rest of a partly sent frame
         self._next_attempt = 0.0
         self._failure_logged = False
 
     def read(self, seconds: float) -> bytes:
-        """The bytes that have arrived; b"" if none does within `seconds`, or without a peer."""
+        """Return the bytes that have arrived; b"" without a peer, or if none arrives in time."""
         port = self._port or self._open_port()
         if port is None:
             time.sleep(seconds)
@@ -207,7 +207,7 @@ class StreamLink:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send without blocking, or drop the frame; one that was sent in part is completed."""
+        """Send without blocking, or drop the frame; a partly sent frame is completed first."""
         with self._lock:
             if self._port is None:
                 return

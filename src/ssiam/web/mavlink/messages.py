@@ -83,23 +83,23 @@ def acknowledgement(command: int, result: int, sender: tuple[int, int]) -> Messa
     )
 
 
-def tracking_status(step: Step, own: int | None, mode: int) -> Message:
-    """CAMERA_TRACKING_IMAGE_STATUS of the target `own`, or else of the session's first one.
+def tracking_status(step: Step, target_id: int | None, mode: int) -> Message:
+    """CAMERA_TRACKING_IMAGE_STATUS of the target `target_id`, or else of the session's first one.
 
     Parameters
     ----------
     step : Step
-    own : int or None
+    target_id : int or None
         Id of the ground station's target.
     mode : int
-        Tracking mode in which that target was started; that of other targets is RECTANGLE.
+        Tracking mode in which that target was started; other targets have RECTANGLE.
 
     Returns
     -------
     Message
         Without a position (NaN) if the target is lost or there is none.
     """
-    target = next((each for each in step.targets if each.id == own), None)
+    target = next((each for each in step.targets if each.id == target_id), None)
     if target is None:
         target, mode = next(iter(step.targets), None), RECTANGLE
     if target is None:

@@ -1,8 +1,8 @@
-/** Buttons and keys: pause, step, restart, record, stabilization; the numbers below the view. */
+/** Buttons and keys: pause, step, restart, record, stabilization; the statistics below the view. */
 
 const DISCONNECTED = "disconnected";
 const RESTART_TITLE = "Play from the beginning (r)";
-const REQUEST_TIMEOUT = 500; // milliseconds after which the session's own method is shown again
+const REQUEST_TIMEOUT = 500; // milliseconds after which the session's method is shown again
 
 const byId = (id) => document.getElementById(id);
 
@@ -144,7 +144,7 @@ function radioButton(method, index) {
 }
 
 /**
- * Handle the keys of the page, except those typed into a field or meant for a button.
+ * Handle the keys of the page, except those that a focused field or button handles.
  * @param {Record<string, () => void>} actions by key
  */
 export function watchKeys(actions) {

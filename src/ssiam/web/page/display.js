@@ -1,6 +1,6 @@
 /** `StepDisplay`: decodes the images of steps, shows the newest one and frees the others. */
 
-// Browsers draw nothing in a hidden tab: the milliseconds until a step is acknowledged there.
+// Milliseconds until a step is acknowledged in a hidden tab, in which browsers draw nothing.
 const HIDDEN_INTERVAL = 1000;
 
 /**

@@ -10,7 +10,7 @@ const MAX_CLICK = 250; // milliseconds
  * @property {() => object | null} begin freezes the view and returns the header of the shown step;
  *   null if there is none
  * @property {(header: object) => void} hold the stroke is not a click: the step is needed until
- *   its end
+ *   the stroke ends
  * @property {() => void} changed the selection has changed
  * @property {() => void} end unfreezes the view; called before `drawn` and `clicked`
  * @property {(xywh: number[], header: object) => void} drawn box in raw-frame pixels
@@ -59,7 +59,8 @@ export class BoxDrawing {
     view.canvas.setPointerCapture(event.pointerId);
     const point = view.point(event);
     const timer = setTimeout(() => this.#hold(), MAX_CLICK);
-    this.#stroke = { view, header, pointer: event.pointerId, from: point, to: point, timer };
+    const pointer = event.pointerId;
+    this.#stroke = { view, header, pointer, from: point, to: point, timer, held: false };
   }
 
   #hold() {

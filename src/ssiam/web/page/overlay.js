@@ -37,7 +37,7 @@ export function drawTargets(surface, targets, stateOf, selected) {
   });
 }
 
-/** Draw the box that the user is drawing, in the view's own pixels. */
+/** Draw the box that the user is drawing, in pixels of the view. */
 export function drawSelection({ context, scale }, [x, y, w, h]) {
   const corners = cornersOf([x, y, w, h]).map((corner) => corner.map((value) => value * scale));
   context.fillStyle = "rgb(255 255 255 / 12%)";

@@ -15,7 +15,7 @@ const LEFT = 40; // CSS pixels, as all lengths here
 const TOP = 22; // height of the caption
 const MARGIN = 5;
 
-const figure = (id) => document.getElementById(id);
+const byId = (id) => document.getElementById(id);
 
 /** @typedef {{name: string, color: string}} Trace */
 
@@ -140,9 +140,9 @@ class Plot {
 
 /** The three plots of the page: camera shift, camera rotation, scores of the targets. */
 export class Charts {
-  #shift = new Plot(figure("plot-shift"), { minimum: 2 });
-  #rotation = new Plot(figure("plot-rotation"), { minimum: 0.2 });
-  #score = new Plot(figure("plot-score"), { fixed: [0, 1] });
+  #shift = new Plot(byId("plot-shift"), { minimum: 2 });
+  #rotation = new Plot(byId("plot-rotation"), { minimum: 0.2 });
+  #score = new Plot(byId("plot-score"), { fixed: [0, 1] });
 
   constructor() {
     const named = (name, color) => [name, { name, color }];
@@ -182,7 +182,7 @@ export class Charts {
   }
 }
 
-/** The smallest of 1, 2, 5, 10, ... (or 0.1, 0.2, ...) that is not below the value. */
+/** Round up to 1, 2 or 5 times a power of ten. */
 function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 2, 5, 10].map((step) => step * power).find((step) => step >= value * 0.999);

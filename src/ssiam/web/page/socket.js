@@ -9,7 +9,7 @@ const MAX_ASK = 2 ** 31;
 const REFUSED =
   "The server refused the connection. Open the complete address that it printed, including " +
   "#token=, or close another page of this session.";
-/** The close codes of docs/live-protocol.md, for people. */
+/** Texts for the close codes of docs/reference/live-protocol.md. */
 const REASONS = new Map([
   [1001, "The session has ended."],
   [1008, "The server closed the connection: too many messages."],
@@ -116,7 +116,7 @@ export class Socket {
     this.#timer = setTimeout(() => this.open(), wait * (0.75 + Math.random() / 2));
     const reason = REASONS.get(code) ?? "The connection was lost.";
     this.#handlers.lost(reason, wait);
-    // Browsers do not say why a socket did not open. If the server responds, it refused it.
+    // Browsers do not report why a socket did not open. If the server responds, it has refused it.
     if (!opened && (await isServerUp()) && !this.connected) this.#handlers.lost(REFUSED, wait);
   }
 }

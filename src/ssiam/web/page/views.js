@@ -1,4 +1,4 @@
-/** The raw and the stabilized view: their canvases, and which images the server must send. */
+/** The raw and the stabilized view: their canvases, and requests for their images. */
 
 import { IDENTITY } from "./geometry.js";
 import { drawSelection, drawTargets } from "./overlay.js";
@@ -28,7 +28,7 @@ class View {
     return Math.round(this.canvas.clientWidth * devicePixelRatio);
   }
 
-  /** The name for people; `name` is that of the protocol. */
+  /** The name shown to users; `name` is that of the protocol. */
   get title() {
     return this.name === "steadied" ? "stabilized" : this.name;
   }

@@ -100,7 +100,7 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
 
 
 def _read_page() -> dict[str, tuple[bytes, str]]:
-    """The page's files, by name: content and media type. No other file is ever served."""
+    """Content and media type of the page's files, by name. No other file is ever served."""
     page = {}
     for file in files("ssiam.web").joinpath("page").iterdir():
         _, dot, kind = file.name.rpartition(".")

@@ -23,7 +23,7 @@ _DISCONNECT_TIMEOUT: Final = 2.0  # seconds for all clients to disconnect when t
 class Clients:
     """Accepts clients, and forwards the session's steps and messages to them.
 
-    Between `open` and `close`, to be used on one event loop.
+    To be used on one event loop, between `open` and `close`.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Clients:
         loop = asyncio.get_running_loop()
 
         def on_step(step: Step) -> None:
-            # A loop that is busy sees only the newest step.
+            # A busy loop receives only the newest step.
             self._arrived = step
             call_on(loop, self._send_step)
 
@@ -73,7 +73,7 @@ class Clients:
         self._pool.shutdown(wait=False)
 
     async def end(self) -> None:
-        """Disconnect all clients, because the server ends."""
+        """Disconnect all clients: the server ends."""
         self._has_ended = True
         for socket in self._sockets:
             socket.end(GOING_AWAY)

@@ -27,7 +27,7 @@ _MAX_HEADERS: Final = 100
 
 @dataclass
 class _Waiting:
-    """Since when a connection keeps the server waiting: times of the monotonic clock, or None."""
+    """When the server began to wait for a connection: `time.monotonic`, or None if it does not."""
 
     for_request: float | None = None
     for_reading: float | None = None
@@ -35,7 +35,7 @@ class _Waiting:
 
 
 class ConnectionWatch:
-    """Closes connections that exceed the time limits, and those that are too many.
+    """Closes connections that exceed the time limits or the maximum number.
 
     Parameters
     ----------
@@ -47,24 +47,24 @@ class ConnectionWatch:
         self._waiting: dict[asyncio.Transport, _Waiting] = {}
 
     def add(self, transport: asyncio.Transport) -> None:
-        """A connection was made, which must send its request now."""
+        """Add a new connection, which must now send its request."""
         self._waiting[transport] = _Waiting(for_request=time.monotonic())
         if len(self._waiting) > self.limits.connections:
             self.abort(self._longest_idle(transport))
 
     def remove(self, transport: asyncio.Transport) -> None:
-        """A connection has ended."""
+        """Remove a connection that has ended."""
         self._waiting.pop(transport, None)
 
     def set_requesting(self, transport: asyncio.Transport, is_requesting: bool) -> None:
-        """Whether a request of the connection is being answered."""
+        """Set whether a request of the connection is being answered."""
         waiting = self._waiting.get(transport)
         if waiting is not None:
             # An incomplete request does not restart the time limit.
             waiting.for_request = None if is_requesting else waiting.for_request or time.monotonic()
 
     def set_reading(self, transport: asyncio.Transport, is_reading: bool) -> None:
-        """Whether the client reads what it is sent."""
+        """Set whether the client reads what it is sent."""
         waiting = self._waiting.get(transport)
         if waiting is not None:
             waiting.for_reading = None if is_reading else time.monotonic()
@@ -114,7 +114,7 @@ class WatchedConfig(uvicorn.Config):
 
 
 class _Watched(asyncio.Protocol):
-    """Reports to the watch whether the client reads what it is sent."""
+    """Base of the protocols: reports to the watch whether the client reads what it is sent."""
 
     config: uvicorn.Config
     transport: asyncio.Transport
@@ -124,17 +124,17 @@ class _Watched(asyncio.Protocol):
         return cast(WatchedConfig, self.config).watch
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection has ended."""
+        """Remove the connection from the watch."""
         super().connection_lost(exc)
         self._watch.remove(self.transport)
 
     def pause_writing(self) -> None:
-        """The write buffer is full: the client does not read fast enough."""
+        """Report that the write buffer is full: the client does not read fast enough."""
         super().pause_writing()
         self._watch.set_reading(self.transport, False)
 
     def resume_writing(self) -> None:
-        """The client has read."""
+        """Report that the client has read."""
         super().resume_writing()
         self._watch.set_reading(self.transport, True)
 
@@ -143,7 +143,7 @@ class HttpConnection(_Watched, H11Protocol):
     """An HTTP connection, which may be upgraded to a WebSocket."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start."""
+        """Start watching the connection."""
         super().connection_made(transport)
         self._watch.add(transport)
 
@@ -180,14 +180,14 @@ class SocketConnection(_Watched, WebSocketsSansIOProtocol):
         self._frames = TokenBucket(rate, rate)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Start."""
+        """Start watching the connection."""
         super().connection_made(transport)
         self._watch.set_requesting(self.transport, True)
 
     def data_received(self, data: bytes) -> None:
         """Process a part of a message."""
         super().data_received(data)
-        # Pings are answered at once, whether the client reads or not.
+        # Pings are answered at once, even if the client does not read the answers.
         if self.transport.get_write_buffer_size() > self._watch.limits.unread_bytes:
             self._watch.abort(self.transport)
 

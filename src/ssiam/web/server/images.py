@@ -1,4 +1,4 @@
-"""JPEG images to clients (`StepImages`) and from a browser's camera (`BrowserCamera`)."""
+"""JPEG images sent to clients (`StepImages`), and those of a browser (`BrowserCamera`)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ViewName: TypeAlias = Literal["raw", "steadied"]
 
 
 class StepImages:
-    """The views of a step as JPEG, each encoded once for all clients that want it.
+    """The views of a step as JPEG, each encoded once for all clients that request it.
 
     To be used on one event loop.
 
@@ -41,7 +41,7 @@ class StepImages:
         self._encoded: dict[tuple[ViewName, int, int], asyncio.Future[bytes]] = {}
 
     async def encoded(self, view: View) -> list[tuple[ViewName, bytes]]:
-        """The JPEG images that a client wants, in the protocol's order."""
+        """The JPEG images that a client requests, in the protocol's order."""
         return [(name, await self._jpeg(name, view)) for name in _names(view)]
 
     async def _jpeg(self, name: ViewName, view: View) -> bytes:
@@ -63,7 +63,7 @@ class StepImages:
 
 
 class BrowserCamera:
-    """Passes the frames of one client at a time to the session. To be used on one event loop.
+    """Passes one client's camera frames to the session. To be used on one event loop.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class BrowserCamera:
         return self._decoding
 
     def release(self, client: object) -> None:
-        """Allow another client to be the source, if this one is."""
+        """If this client is the source, allow another one to be it."""
         if self._owner is client:
             self._owner = None
 

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 from ssiam.geometry import XYWH
 from ssiam.stabilize import Method
 from ssiam.web.types import (
+    MAX_NAME_LENGTH,
     Add,
     Advance,
     Command,
@@ -22,6 +23,7 @@ from ssiam.web.types import (
     Rename,
     Restart,
     Stabilize,
+    normalized_name,
 )
 
 METHODS: Final[tuple[Method, ...]] = ("off", "paper", "predict")
@@ -30,14 +32,14 @@ METHODS: Final[tuple[Method, ...]] = ("off", "paper", "predict")
 _MAX_ASK: Final = 2**31
 _MAX_NUMBER: Final = 2**53  # larger integers are not exact in browsers
 _MAX_PIXELS: Final = 1e6  # of a box's position and size
-_MAX_NAME_LENGTH: Final = 40
+_MAX_QUOTED: Final = 40  # characters of a value in an error message
 _WIDTHS: Final = (64, 4096)
 _QUALITIES: Final = (30, 95)
 
 
 @dataclass(frozen=True)
 class View:
-    """Which images a client wants, their maximum width (pixels) and JPEG quality."""
+    """Which images a client requests, their maximum width (pixels) and JPEG quality."""
 
     raw: bool = True
     stabilized: bool = True
@@ -57,7 +59,7 @@ Content: TypeAlias = Command | View | Acknowledge
 
 @dataclass(frozen=True)
 class Message:
-    """A client's message, and the number that the answer repeats."""
+    """A client's message; `ask` is a number that the answer repeats."""
 
     content: Content
     ask: int | None = None
@@ -132,11 +134,10 @@ class _Fields:
     def name(self) -> str:
         """The `name` of a target, with its white space normalized."""
         value = self._values.get("name")
-        name = " ".join(value.split()) if isinstance(value, str) else ""
-        # This rejects lone surrogates too, which could not be encoded.
-        if not 0 < len(name) <= _MAX_NAME_LENGTH or not name.isprintable():
+        name = normalized_name(value) if isinstance(value, str) else None
+        if name is None:
             raise _bad_message(
-                f"name must be 1 to {_MAX_NAME_LENGTH} printable characters, not {_short(value)}"
+                f"name must be 1 to {MAX_NAME_LENGTH} printable characters, not {_short(value)}"
             )
         return name
 
@@ -174,7 +175,7 @@ def _add(fields: _Fields) -> Content:
 
 
 def _remove(fields: _Fields) -> Content:
-    # JavaScript serializes NaN as null, so only a missing id stands for all targets.
+    # JavaScript serializes NaN as null, so null must not stand for all targets.
     return Remove(_id(fields) if "id" in fields else None)
 
 
@@ -223,11 +224,11 @@ def _bad_message(message: str) -> CommandError:
 
 
 def _short(value: object) -> str:
-    """A value of any type and size for an error message, on one line."""
+    """A value of any type and size, shortened to one line for an error message."""
     if isinstance(value, int) and abs(value) > _MAX_NUMBER:
         return "a larger one"
     if isinstance(value, (str, int, float)) or value is None:
-        return ascii(value)[:_MAX_NAME_LENGTH]
+        return ascii(value)[:_MAX_QUOTED]
     return f"a {type(value).__name__}"
 
 

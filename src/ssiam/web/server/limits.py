@@ -16,20 +16,20 @@ class ServerLimits:
     clients : int
         WebSocket clients at a time.
     connections : int
-        Connections of all kinds at a time. One more replaces the connection that has been idle
-        for longest.
+        Connections of all kinds at a time. A further one replaces the connection that has been
+        idle for longest.
     message_bytes : int
         Size of a text message.
     image_bytes : int
         Size of a JPEG from a browser's camera.
     image_pixels : int
-        Its number of pixels.
+        Number of pixels of such a JPEG.
     messages_per_second : float
         Average rate of messages.
     burst : int
-        Messages at once.
+        Messages that may arrive at once.
     frames_per_second : int
-        Rate of WebSocket control and continuation frames; also the number at once.
+        Rate of WebSocket control and continuation frames, and the number that may arrive at once.
     bad_messages : int
         Invalid messages before the client is disconnected.
     pending_commands : int

@@ -90,7 +90,7 @@ def step_message(
     skipped : int
         Number of steps that were not sent to this client.
     clients : int
-        Number of clients of the session.
+        Number of clients of the server.
     """
     header = _json(
         type="step",

@@ -63,7 +63,7 @@ class LiveServer:
     host : str
         Name or address to listen on; ``0.0.0.0`` for all addresses of the machine.
     port : int
-        0 takes a free one.
+        0 selects a free one.
     needs_token : bool
     limits : ServerLimits, optional
 
@@ -121,9 +121,9 @@ class LiveServer:
         Raises
         ------
         IncompleteError
-            The server has ended by itself.
+            The server has ended unexpectedly.
         """
-        # Not Thread.join: if Ctrl-C interrupts it, CPython 3.11 marks the thread as ended.
+        # Not `Thread.join`: if Ctrl-C interrupts it, CPython 3.11 marks the thread as ended.
         with self, suppress(KeyboardInterrupt):
             while not self._ended.wait(_CHECK_INTERVAL):
                 if self._session.health.state == "failed":
@@ -194,7 +194,7 @@ def _configure(app: Callable[..., Any], limits: ServerLimits, *, webcam: bool) -
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens on a name or address; port 0 takes a free one.
+    """A socket that listens on a name or address; port 0 selects a free one.
 
     Raises
     ------

@@ -34,7 +34,7 @@ _MAX_UNACKNOWLEDGED: Final = 2  # steps that are sent and not acknowledged
 
 
 class Outbox:
-    """Sends to one client: texts in order, and always the newest step. For one event loop.
+    """Sends to one client: all texts in order, and the newest step. For one event loop.
 
     Parameters
     ----------
@@ -73,13 +73,13 @@ class Outbox:
         self._wake.set()
 
     def set_view(self, view: View) -> None:
-        """Change the images that the client wants; the newest step is sent again."""
+        """Change the images that the client requests; the newest step is sent again."""
         self._send_again = self._send_again or view != self._view
         self._view = view
         self._wake.set()
 
     def acknowledge(self, number: int) -> None:
-        """The client has received this step and those before it."""
+        """Note that the client has received this step and those before it."""
         while self._unacknowledged and self._unacknowledged[0][0] <= number:
             self._unacknowledged.popleft()
         self._wake.set()
@@ -90,7 +90,7 @@ class Outbox:
         self._wake.set()
 
     async def run(self) -> bool:
-        """Send until the end; True if the client stalls, False if it has left."""
+        """Send until the end; return True if the client stalls, False if it has left."""
         try:
             while not self._is_stalled():
                 if self._is_stopped:
@@ -226,7 +226,7 @@ class ClientSocket:
             await asyncio.wait_for(self._websocket.close(code), _CLOSE_TIMEOUT)
 
     async def _receive(self) -> int | None:
-        """Process messages; returns the close code, or None when the client has left."""
+        """Process messages; return the close code, or None when the client has left."""
         bucket = TokenBucket(self._limits.messages_per_second, self._limits.burst)
         while self._bad_messages < self._limits.bad_messages:
             event = await self._websocket.receive()
