@@ -14,7 +14,7 @@ import numpy as np
 
 from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor, load_network
+from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
@@ -92,6 +92,8 @@ class NanoTrackNetworks:
         WeightsError
             The files are missing, damaged, not quantized, or of another network.
         """
+        from ssiam.runtime.loading import load_network
+
         backbone, head = _onnx_pair(weights)
 
         def compiled(
