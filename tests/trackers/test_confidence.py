@@ -101,15 +101,15 @@ def test_zero_features_stay_zero():
 
 def test_values_at_the_baseline_or_above_have_no_drop():
     baseline = RunningBaseline()
-    assert all(baseline.drop(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
+    assert all(baseline.update(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
 
 
 def test_the_drop_grows_as_the_value_falls():
     def after(value):
         baseline = RunningBaseline()
         for _ in range(20):
-            baseline.drop(0.9, confident=True)
-        return baseline.drop(value, confident=False)
+            baseline.update(0.9, confident=True)
+        return baseline.update(value, confident=False)
 
     found = [after(value) for value in np.linspace(0.9, -1.0, 60)]
     assert found[0] == 0
@@ -122,9 +122,9 @@ def test_the_drop_grows_as_the_value_falls():
 def test_a_much_lower_value_joins_the_baseline_only_if_confident(confident):
     baseline = RunningBaseline()
     for _ in range(20):
-        baseline.drop(0.9, confident=True)
-    first = baseline.drop(0.2, confident)
+        baseline.update(0.9, confident=True)
+    first = baseline.update(0.2, confident)
     for _ in range(200):
-        last = baseline.drop(0.2, confident)
+        last = baseline.update(0.2, confident)
     assert first < 0
     assert last == (0 if confident else first)

@@ -203,7 +203,7 @@ class NanoTrack(SiameseTracker[_Target]):
         similarity = float(target.feature @ box_feature(features, _STRIDE, boxes[:, best]))
         logit = float(np.clip(foreground - background, *_LOGIT_RANGE))
         weight = float(np.clip((_CERTAIN_LOGIT - logit) / _LOGIT_SPAN, 0, 1))
-        drop = target.similarity.drop(similarity, confident=logit > _BASELINE_LOGIT)
+        drop = target.similarity.update(similarity, confident=logit > _BASELINE_LOGIT)
         evidence = logit, weight * drop
         probability = self._confidence.probability(evidence)
         probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
