@@ -7,7 +7,7 @@ from ssiam.geometry import frame_center, rigid
 
 
 def generator(seed):
-    """A random generator that gives the same numbers with every NumPy version."""
+    """A random generator that gives the same numbers in every NumPy version."""
     return np.random.Generator(np.random.PCG64(seed))
 
 
@@ -53,7 +53,7 @@ def world(seed=0, size_wh=(640, 360)):
 
 
 def seen(scene, frame_from_world):
-    """The frame of a camera with the size of the scene image, which is mirrored at its borders."""
+    """A camera's frame, as large as the scene image, which is mirrored at its borders."""
     height, width = scene.shape[:2]
     return cv2.warpAffine(
         scene, frame_from_world[:2], (width, height), borderMode=cv2.BORDER_REFLECT_101
