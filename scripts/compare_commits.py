@@ -60,16 +60,16 @@ NETWORKS = {
 
 
 def commands(shared: Path, out: Path) -> dict[str, list[list[str]]]:
-    """Name of a comparison and its commands, which write below `out`."""
+    """The commands of each comparison by its name; they write below `out`."""
     weights = shared / "data" / "weights"
     sequences = str(shared / "data" / "sequences")
-    found: dict[str, list[list[str]]] = {}
+    result: dict[str, list[list[str]]] = {}
 
     def track(name: str, tracker: str, *options: str) -> None:
         start = ["track", CLIP, "--box", WALKER, "--tracker", tracker, "--threads", "1"]
-        results = [f"track-{name}.csv", f"track-{name}.jsonl"]
-        found[f"track-{name}"] = [
-            [*start, "--results", str(out / result), *options] for result in results
+        files = [f"track-{name}.csv", f"track-{name}.jsonl"]
+        result[f"track-{name}"] = [
+            [*start, "--results", str(out / file), *options] for file in files
         ]
 
     for choice in CHOICES:
@@ -85,7 +85,7 @@ def commands(shared: Path, out: Path) -> dict[str, list[list[str]]]:
     for layout in ("otb", "mot", "vot"):
         file = str(out / f"track-two-{layout}.txt")
         boxes = ["--box", WALKER, "--box", "200,60,40,60"]
-        found[f"track-two-{layout}"] = [
+        result[f"track-two-{layout}"] = [
             ["track", CLIP, *boxes, "--results", file, "--layout", layout, "--threads", "1"]
         ]
     for protocol in ("vot", "ope"):
@@ -94,28 +94,28 @@ def commands(shared: Path, out: Path) -> dict[str, list[list[str]]]:
         bench += ["--trackers", "lite,nanotrack_v3"]
         bench += ["--weights", f"nanotrack_v3={weights / 'nanotrackv3'}", "--protocol", protocol]
         bench += ["--shake", "0,0.03"]
-        found[f"bench-{protocol}"] = [bench]
+        result[f"bench-{protocol}"] = [bench]
         if protocol == "ope":  # VOT measures need frame sizes, which OTB folders do not give
-            found[f"bench-{protocol}"].append(
+            result[f"bench-{protocol}"].append(
                 ["eval", folder, "--dataset", sequences, "--experiment", "ope", "--json"]
             )
     results = shared / "data" / "vot" / "results" / "VOT2018"
     dataset = str(shared / "data" / "vot" / "VOT2018.json")
-    found["eval-vot2018"] = [["eval", str(results), "--dataset", dataset, "--json", "--compare"]]
+    result["eval-vot2018"] = [["eval", str(results), "--dataset", dataset, "--json", "--compare"]]
     for name, (network, teacher) in NETWORKS.items():
         config = out / f"train-{name}.toml"
         text = TRAINING.format(network=network, teacher=teacher, shared="{shared}")
         config.write_text(text.replace("{shared}", str(shared)), encoding="utf-8")
         folder = str(out / f"train-{name}")
-        found[f"train-{name}"] = [
+        result[f"train-{name}"] = [
             ["train", str(config), "--out", folder],
             ["train", str(config), "--out", folder, "--so-far", folder + "-so-far"],
         ]
-    return found
+    return result
 
 
-def few_sequences(shared: Path, out: Path) -> None:
-    """Three sequences of the shared data, their first 40 frames."""
+def write_short_sequences(shared: Path, out: Path) -> None:
+    """Write the first 40 frames of three sequences of the shared data."""
     for name in ("David", "Skiing", "dtb70_MountainBike6"):
         source = shared / "data" / "sequences" / name
         images = sorted((source / "img").iterdir())[:40]
@@ -129,7 +129,7 @@ def few_sequences(shared: Path, out: Path) -> None:
 
 
 def run(tree: Path, arguments: list[str]) -> tuple[int, str]:
-    """Run a command of a tree; its exit code and standard output."""
+    """Run a command in a working tree; returns its exit code and standard output."""
     environment = os.environ | {"PYTHONPATH": str(tree / "src"), "OMP_WAIT_POLICY": "PASSIVE"}
     done = subprocess.run(
         [sys.executable, "-m", "ssiam", *arguments],
@@ -144,7 +144,7 @@ def run(tree: Path, arguments: list[str]) -> tuple[int, str]:
 
 
 def comparable(path: Path, out: Path) -> bytes:
-    """A file's bytes without durations, dates and the paths of its own folder."""
+    """A file's bytes without durations, dates and the path of the output folder `out`."""
     data = path.read_bytes().replace(str(out).encode(), b"OUT")
     if "times" in path.parts or path.name.endswith(("_time.value", "_time.txt")):
         return str(data.count(b"\n")).encode()
@@ -158,7 +158,7 @@ def comparable(path: Path, out: Path) -> bytes:
 
 
 def tensors(path: Path) -> bytes:
-    """What a file of PyTorch holds, in an order of its names."""
+    """The content of a PyTorch file in a comparable form, sorted by name."""
     import torch
 
     def flat(value: object) -> object:
@@ -174,7 +174,7 @@ def tensors(path: Path) -> bytes:
 
 
 def differences(before: Path, after: Path) -> list[str]:
-    """The files that are not in both folders or do not hold the same, and failed commands."""
+    """The files that are in one folder only or differ, and the failed commands."""
     names = {
         str(path.relative_to(folder))
         for folder in (before, after)
@@ -194,7 +194,7 @@ def differences(before: Path, after: Path) -> list[str]:
 
 
 def outputs(commit: str, folder: Path, shared: Path, only: list[str]) -> Path:
-    """Everything that a commit writes, in a folder below `folder`."""
+    """Run all commands with a commit; returns the folder of their outputs, below `folder`."""
     tree = folder / f"tree-{commit[:10].replace('/', '-')}"
     subprocess.run(
         ["git", "worktree", "add", "--detach", "--force", str(tree), commit],
@@ -204,16 +204,16 @@ def outputs(commit: str, folder: Path, shared: Path, only: list[str]) -> Path:
     )
     out = folder / f"out-{tree.name}"
     out.mkdir()
-    few_sequences(shared, out)
+    write_short_sequences(shared, out)
     try:
-        for name, each in commands(shared, out).items():
+        for name, calls in commands(shared, out).items():
             if only and name not in only:
                 continue
             codes = []
-            for number, arguments in enumerate(each):
+            for number, arguments in enumerate(calls):
                 code, text = run(tree, arguments)
                 codes.append(code)
-                if arguments[0] in {"eval"}:
+                if arguments[0] == "eval":
                     (out / f"{name}-{number}.stdout").write_text(text, encoding="utf-8")
             (out / f"{name}.exit").write_text(json.dumps(codes), encoding="utf-8")
             print(f"{commit[:10]} {name} {codes}", flush=True)

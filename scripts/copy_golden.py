@@ -1,10 +1,10 @@
-"""Copy the part of the networks' golden arrays that the tests need to tests/golden/networks.
+"""Copy the golden arrays of the networks that the tests need to tests/golden/networks.
 
     python scripts/copy_golden.py
 
 The arrays are outputs of the reference implementations with seeded weights. They are read from the
-folder in the environment variable SSIAM_SHARED, by default ../shared beside the checkout. Of each
-array X about 2000 values are kept, every `X__stride`-th, and `X__stats` of all values: mean,
+folder in the environment variable SSIAM_SHARED, by default `shared` next to the checkout. Every
+`X__stride`-th value of an array X is copied, about 2000 values, and `X__stats` of all values: mean,
 standard deviation, minimum, maximum and sum of magnitudes.
 """
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 SHARED = Path(os.environ.get("SSIAM_SHARED", ROOT.parent / "shared"))
 OUT = ROOT / "tests" / "golden" / "networks"
 
-MAX_VALUES = 2000  # of an array, about
+MAX_VALUES = 2000  # values of an array, approximately
 NETWORKS = (
     "siamfc",
     "siamrpn_alex_dwxcorr",
@@ -57,7 +57,7 @@ def subsample(
 
 
 def stored_stride(name: str, levels: int) -> int:
-    """Stride of a stored array. Template features have one only if there are several levels."""
+    """Stride of a stored array. Template features are strided only if there are several levels."""
     if name.startswith("zf"):
         return 3 if levels > 1 else 1
     return next((stride for start, stride in STRIDES.items() if name.startswith(start)), 1)

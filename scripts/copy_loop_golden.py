@@ -2,9 +2,9 @@
 
     python scripts/copy_loop_golden.py
 
-Reads the folder `golden` in the folder SSIAM_SHARED, an environment variable with the default
-../shared beside the checkout. Writes a file per tracker, video and OpenCV version, in which crops
-are replaced by their hashes, and the outputs of functions that the tests compare.
+Reads the folder `golden` in the folder of the environment variable SSIAM_SHARED, by default
+`shared` next to the checkout. Writes a file for each tracker, video and OpenCV version, in which
+crops are replaced by their hashes, and a file of function outputs that the tests compare.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FUNCTIONS = re.compile(
     r"|convert_.*|mask_.*|siammask_(e_)?box_.*|paste_.*)$"
 )
 VERSION_DEPENDENT = re.compile(r"(siammask_(e_)?box_.*|paste_\d+)$")
-STRIDE = 7  # of the candidates in decoded arrays
+STRIDE = 7  # every n-th candidate of decoded arrays is copied
 
 
 def main() -> None:
@@ -44,7 +44,8 @@ def main() -> None:
     TARGET.mkdir(parents=True, exist_ok=True)
     for path in sorted((SHARED / "golden").glob("loop_stub_*.npz")):
         arrays = dict(np.load(path))
-        if "polygon" in arrays or not path.stem.endswith("_cv4"):  # boxes do not depend on it
+        # Boxes do not depend on the OpenCV version, polygons do.
+        if "polygon" in arrays or not path.stem.endswith("_cv4"):
             write(path.stem.removeprefix("loop_stub_"), compact(arrays))
     for path in sorted((SHARED / "golden").glob("loop_net_*.npz")):
         arrays = dict(np.load(path))

@@ -3,10 +3,10 @@
     python scripts/cut_out.py data/stills/horses data/stills/cats --out data/cut_out
 
 A photograph of a single large object is a poor training image: the search crop is four times as
-wide as the target, so most of it is padding, whose edge reveals the target's position. Pasted on
-other images (layout "stamps"), the object must be found by its appearance. Each folder has images
-and masks of the same names, as in the layout "masks". Objects that are small or cut off by the
-image border are skipped.
+wide as the target, so most of it is padding, and the edge of the padding reveals the target's
+position. Pasted on other images (layout "stamps"), the object must be found by its appearance. Each
+folder has images and masks of the same names, as in the layout "masks". Objects that are small or
+cut off by the image border are skipped.
 """
 
 from __future__ import annotations

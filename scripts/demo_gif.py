@@ -1,8 +1,8 @@
-"""Make docs/images/demo.gif: the demo clip, the tracker alone and on the stabilized view.
+"""Make docs/images/demo.gif: a tracker on the example clip, with and without stabilization.
 
     python scripts/demo_gif.py [--out docs/images/demo.gif]
 
-On the left the raw frame with both boxes, on the right the view that the tracker sees.
+The left half shows the raw frame with both boxes, the right half the view that the tracker sees.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WALKER = (53.2, 114.1, 26.5, 66.4)  # xywh in the first frame, pixels
 Mode = Literal["off", "predict"]
 COLORS: dict[Mode, tuple[int, int, int]] = {"off": (60, 60, 235), "predict": (90, 200, 60)}  # BGR
 LABELS: dict[Mode, str] = {"off": "CSRT alone", "predict": "CSRT, stabilized view"}
-WIDTH = 300  # of each half, pixels
+WIDTH = 300  # width of each half, pixels
 CAPTION = 22  # height, pixels
 FPS = 12.5  # every second frame of the clip
 
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def panels(image: Image, tracks: dict[Mode, ssiam.Track]) -> Image:
-    """The raw frame with the boxes, and the stabilized view beside it."""
+    """The raw frame with the boxes on the left, and the stabilized view on the right."""
     raw = image.copy()
     for mode, track in tracks.items():
         draw(raw, track.box, COLORS[mode])

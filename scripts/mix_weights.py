@@ -2,7 +2,7 @@
 
     python scripts/mix_weights.py runs/rivals runs/turned --out runs/mixed
 
-The average can keep what the second run learned and forget less of the first (model soups,
+The average can keep what the second run has learned and forget less of the first (model soups,
 Wortsman et al., ICML 2022).
 """
 

@@ -1,11 +1,11 @@
-"""Check that the tests notice known mutants: small wrong changes of the code.
+"""Check that the tests detect known mutants: small wrong changes of the code.
 
     python scripts/mutants.py [NAME...]
 
 Each mutant of `mutants.toml` is applied to a temporary copy of `src` and `tests`, and its test
 file is run there without the shared test data. A failing test kills the mutant. Without names all
-mutants are run. Exits with 1 if a mutant survives, or if nothing can be concluded: its text is
-not in the file exactly once, or the test file fails without the mutant too.
+mutants are run. Exits with 1 if a mutant survives, if its text is not in the file exactly once, or
+if the test file fails without the mutant too.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ def main() -> int:
 
 
 def read_table(path: Path) -> list[Mutant]:
-    """The mutants of a TOML file, one a table."""
+    """The mutants of a TOML file with one table per mutant."""
     with path.open("rb") as file:
         return [Mutant(name, **fields) for name, fields in tomllib.load(file).items()]
 
 
 def select(mutants: list[Mutant], names: list[str]) -> list[Mutant]:
-    """The mutants of these names, all without names."""
+    """The mutants with these names; all if there are no names."""
     unknown = set(names) - {mutant.name for mutant in mutants}
     if unknown:
         sys.exit(f"unknown mutants {', '.join(sorted(unknown))}: see {TABLE.name}")
@@ -85,7 +85,7 @@ def select(mutants: list[Mutant], names: list[str]) -> list[Mutant]:
 
 
 def copy_project(folder: Path) -> Path:
-    """Copy what the tests need."""
+    """Copy the files that the tests need to `folder`, and return it."""
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
@@ -96,7 +96,7 @@ def copy_project(folder: Path) -> Path:
 
 
 def outcome(project: Path, mutant: Mutant, unmutated: int) -> str:
-    """What became of a mutant: "killed", "survived", "not found" or "no test"."""
+    """Test a mutant; returns "killed", "survived", "not found" or "no test"."""
     path = project / mutant.file
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     if text.count(mutant.old) != 1:

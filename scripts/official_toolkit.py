@@ -2,10 +2,10 @@
 
     python scripts/official_toolkit.py [--environment DIR] [--workspace DIR]
 
-Creates an environment with vot-toolkit if there is none and renders three short sequences with a
+Creates an environment with vot-toolkit if there is none, and renders three short sequences with a
 shaking camera. The toolkit evaluates and analyzes CSRT, without stabilization and on the
-stabilized view, through `ssiam trax`. `ssiam.evaluation.measures.vot_toolkit` then measures the
-stored regions. The exit code is 1 if a measure differs by more than .001 from the toolkit's.
+stabilized view, through `ssiam trax`. `ssiam.evaluation.measures.vot_toolkit` then computes the
+measures from the same results. The exit code is 1 if a measure differs by more than 0.001.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ssiam.evaluation.measures.eao import Interval
 from ssiam.evaluation.runs.result_files import read_results
 from ssiam.geometry import corners_from_xywh, frame_center, map_points, rigid
 
-PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later ones fail in supervised experiments
+PINS = ("vot-toolkit==0.7.4", "attributee==0.1.9")  # later versions fail when supervised
 INTERPRETERS = ("python3.11", sys.executable)
 TOLERANCE = 1e-3
 
@@ -79,7 +79,7 @@ def environment(folder: Path) -> Path:
 
 
 def interpreter() -> str:
-    """A Python that can create environments: 3.11 if there is one, else the running one."""
+    """A Python that can create environments: 3.11 if installed, otherwise the running one."""
     for name in INTERPRETERS:
         try:
             subprocess.run([name, "-c", "import ensurepip"], check=True, capture_output=True)
@@ -94,7 +94,7 @@ def interpreter() -> str:
 def run(*command: str | Path) -> str:
     """The output of a command; exits if it fails."""
     words = [str(word) for word in command]
-    # Result files in text form.
+    # 0: result files are texts.
     variables = {**os.environ, "VOT_RESULTS_BINARY": "0"}
     done = subprocess.run(
         words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables
@@ -147,7 +147,7 @@ def target_path(jumps: tuple[int, ...]) -> Iterator[tuple[int, int]]:
 
 
 def compare(report: dict[str, Any], folder: Path) -> int:
-    """Print the toolkit's measures beside ours; returns 1 if they differ, else 0."""
+    """Print the toolkit's measures and ours; returns 1 if they differ, else 0."""
     baseline = report["results"]["baseline"]
     averages, means, _ = baseline["results"]
     limits = next(entry for entry in baseline["parameters"]["analyses"] if "high" in entry)
@@ -159,8 +159,8 @@ def compare(report: dict[str, Any], folder: Path) -> int:
         report["trackers"], averages, means, strict=True
     ):
         results = read_results(folder / "results" / label, sequences)
-        found = vot_toolkit.scores(results.tracked, interval)
-        ours = (found.accuracy, found.robustness, found.eao)
+        scores = vot_toolkit.scores(results.tracked, interval)
+        ours = (scores.accuracy, scores.robustness, scores.eao)
         for measure, official, own in zip(MEASURES, (accuracy, lost, eao), ours, strict=True):
             print(f"{label:12s}{measure:>8s}{official:14.4f}{own:10.4f}")
             differences.append(abs(official - own))

@@ -3,8 +3,8 @@
     python scripts/structure.py                          # this package
     python scripts/structure.py PATH/TO/site-packages/kornia
 
-Words are counted in the Python files of the package and, for this project, in README.md and docs/;
-the figures are per 10,000 words. An identifier counts as the words it is made of.
+Words are counted in the Python files of the package and, for this project, in README.md and docs/.
+The numbers are per 10,000 words. An identifier is split into its words.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-# The words that a plain technical text hardly needs, each with the pattern that finds it.
+# Words that are rare in plain technical texts, with a regular expression for each.
 WORDS = {
     "told, tell, tells": r"\b(?:told|tells?)\b",
     "picture(s)": r"\bpictures?\b",
@@ -39,18 +39,18 @@ def words_of(path: Path) -> list[str]:
 
 def frequencies(paths: list[Path]) -> dict[str, float]:
     """Occurrences of each of WORDS per 10,000 words."""
-    total, found = 0, dict.fromkeys(WORDS, 0)
+    total, counts = 0, dict.fromkeys(WORDS, 0)
     for path in paths:
         words = words_of(path)
         total += len(words)
         text = " ".join(words)
         for name, pattern in WORDS.items():
-            found[name] += len(re.findall(pattern, text))
-    return {name: 1e4 * count / total for name, count in found.items()}
+            counts[name] += len(re.findall(pattern, text))
+    return {name: 1e4 * count / total for name, count in counts.items()}
 
 
 def modules_of(package: Path) -> dict[str, Path]:
-    """Dotted module names of a package, packages themselves left out."""
+    """The files of a package by dotted module name, without `__init__` files."""
     return {
         ".".join(path.relative_to(package.parent).with_suffix("").parts): path
         for path in sorted(package.rglob("*.py"))
@@ -61,7 +61,7 @@ def modules_of(package: Path) -> dict[str, Path]:
 def importers(package: Path) -> dict[str, set[str]]:
     """The modules that import each module of a package."""
     modules = modules_of(package)
-    found: dict[str, set[str]] = defaultdict(set)
+    result: dict[str, set[str]] = defaultdict(set)
     for path in sorted(package.rglob("*.py")):
         name = ".".join(path.relative_to(package.parent).with_suffix("").parts)
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -72,8 +72,8 @@ def importers(package: Path) -> dict[str, set[str]]:
             else:
                 continue
             for target in set(targets) & modules.keys():
-                found[target].add(name)
-    return found
+                result[target].add(name)
+    return result
 
 
 def main() -> None:
@@ -84,15 +84,15 @@ def main() -> None:
     args = parser.parse_args()
     package = args.package.resolve()
     modules = modules_of(package)
-    by = importers(package)
-    single = sorted(name for name in modules if len(by[name]) == 1)
+    imported_by = importers(package)
+    single = sorted(name for name in modules if len(imported_by[name]) == 1)
     lines = [len(path.read_text(encoding="utf-8").splitlines()) for path in modules.values()]
     print(f"files                   {len(modules)}")
     print(f"median lines            {sorted(lines)[len(lines) // 2]}")
     print(f"files of one importer   {len(single)}")
     if args.list:
         for name in single:
-            print(f"    {name}  <-  {', '.join(by[name])}")
+            print(f"    {name}  <-  {', '.join(imported_by[name])}")
     texts = sorted(package.rglob("*.py"))
     if package.is_relative_to(ROOT) or (package.parents[1] / "docs").is_dir():
         root = package.parents[1]

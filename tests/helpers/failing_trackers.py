@@ -1,4 +1,4 @@
-"""Trackers with failures that real trackers do not produce on demand."""
+"""Trackers that fail on demand."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def leave(frame):
 
 
 class Hang:
-    """A frame that blocks until `let_go` is set, like a C++ tracker that never returns."""
+    """A failure that blocks until `let_go` is set, like a C++ tracker that never returns."""
 
     def __init__(self):
         self.hangs, self.let_go = threading.Event(), threading.Event()

@@ -1,4 +1,4 @@
-"""Checkpoint files in the formats of the authors and their users."""
+"""State dicts of seeded or constant weights, and checkpoint files."""
 
 import zlib
 from collections import OrderedDict
@@ -17,7 +17,7 @@ def seeded_state(name):
 
 
 def constant_state(name):
-    """A state dict of little memory: all elements of a weight are one number, made of its key."""
+    """A small state dict: all elements of a weight are one number, computed from its key."""
     return OrderedDict(
         (key, torch.tensor(float(zlib.crc32(key.encode()) % 1000)).expand(shape))
         for key, shape in checkpoint_shapes()[name].items()

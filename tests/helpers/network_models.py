@@ -1,4 +1,4 @@
-"""Checkpoint files and exports of networks with seeded weights, each made once per test run."""
+"""Checkpoint files and exports of networks with seeded weights, made once per test run."""
 
 import atexit
 import os
@@ -38,7 +38,7 @@ def checkpoint(golden: str) -> Path:
 
 @cache
 def exported(golden: str) -> Path:
-    """The folder of its .onnx files."""
+    """The folder of a network's .onnx files, by the name of its golden file."""
     from ssiam.runtime.export import export_network
 
     _, network = NETWORKS[golden]

@@ -1,4 +1,4 @@
-"""Deterministic weights, the same as those with which the golden arrays were made.
+"""The deterministic weights with which the golden arrays were made.
 
 The random numbers of a weight are seeded by its name, so only names and shapes are stored.
 """
@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from helpers.synthetic import generator
+
 GOLDEN = Path(__file__).parents[1] / "golden" / "networks"
 
-# Factors by the end of a weight's name; the first match counts. They keep activations in range.
+# Factors by the end of a weight's name; the first match is used. They keep activations in range.
 FACTORS = {
     "backbone.conv1.weight": 1 / 64,
     "backbone.layer0.0.weight": 1 / 64,
@@ -29,10 +31,6 @@ FACTORS = {
     "mask_model.mask.head.3.weight": 0.02,
     "post2.weight": 0.03,
 }
-
-
-def generator(seed):
-    return np.random.Generator(np.random.PCG64(seed))
 
 
 def noise_crop(seed, side, count=1):

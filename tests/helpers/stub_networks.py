@@ -1,6 +1,6 @@
 """Stub networks: some return the reference's fixed maps, others detect a marker.
 
-Each is a callable as the trackers expect it, and records its inputs.
+Each has the interface of a `Network` and records its inputs.
 """
 
 import cv2
@@ -9,7 +9,7 @@ import numpy as np
 from helpers.synthetic import generator
 
 MARKER = (255, 0, 255)  # the same in BGR and RGB
-ANCHOR = 2  # 64x64
+ANCHOR = 2  # index of the anchor of 64 x 64 px
 
 
 class Stub:

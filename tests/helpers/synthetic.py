@@ -7,7 +7,7 @@ from ssiam.geometry import frame_center, rigid
 
 
 def generator(seed):
-    """A random generator that gives the same numbers with every NumPy version."""
+    """A random generator that gives the same numbers in every NumPy version."""
     return np.random.Generator(np.random.PCG64(seed))
 
 

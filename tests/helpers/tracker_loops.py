@@ -1,4 +1,4 @@
-"""Shared by the tests of all tracking loops: golden crops, and properties on a marker."""
+"""Helpers for the tests of all tracking loops: golden crops, and properties on a marker."""
 
 import hashlib
 from pathlib import Path
@@ -58,7 +58,7 @@ def assert_crops(z, template, search):
 
 
 def recorded_indices(monkeypatch):
-    """A list that grows by the index of each candidate selected from now on."""
+    """A list to which the index of each candidate selected from now on is appended."""
     indices = []
     select = siamrpn.select_candidate
 
@@ -72,7 +72,7 @@ def recorded_indices(monkeypatch):
 
 
 def recorded_crop_sides(monkeypatch):
-    """A list that grows by the side of each crop from now on."""
+    """A list to which the side of each crop from now on is appended."""
     sides = []
     crop = FrameView.crop
 

@@ -1,4 +1,4 @@
-"""The authors' checkpoints, in all their key names and containers."""
+"""The authors' checkpoints, with all their key names and file formats."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The network of lite: output shapes, and the exported pieces."""
+"""The network of `lite`: output shapes, and the exported pieces."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The second network of lite: its attention, and the exported pieces."""
+"""The second network of `lite`: its attention, and the exported pieces."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Each network on seeded weights against the reference implementation's arrays."""
+"""Each network with seeded weights, compared with the reference implementation's arrays."""
 
 import numpy as np
 import pytest
@@ -8,28 +8,20 @@ from helpers.seeded_weights import GOLDEN, noise_crop
 torch = pytest.importorskip("torch")
 
 from helpers.network_files import save_checkpoint, seeded_state  # noqa: E402
+from helpers.network_models import NETWORKS  # noqa: E402
 from ssiam.networks import inference_graphs, read_checkpoint  # noqa: E402
 from ssiam.networks.checkpoints import network_from_state_dict  # noqa: E402
 from ssiam.trackers.siammask import refinement_windows  # noqa: E402
 
-TOLERANCE = 1e-4  # of an array's greatest magnitude
+TOLERANCE = 1e-4  # of an array's largest magnitude
 REFINED = [(12, 12), (0, 0), (24, 24), (5, 17)]  # rows and columns
 
-CHECKPOINTS = {  # golden file: checkpoint of its weights, network
-    "siamfc": ("siamfc_alexnet_e50", "siamfc"),
-    "siamrpn_alex_dwxcorr": ("siamrpn_alex_dwxcorr", "siamrpn_alex_dwxcorr"),
-    "siamrpn_mobilev2_l234_dwxcorr": ("siamrpn_mobilev2_l234_dwxcorr",) * 2,
-    "siamrpn_r50_l234_dwxcorr": ("siamrpn_r50_l234_dwxcorr",) * 2,
-    "siammask_r50_l3": ("siammask_r50_l3",) * 2,
-    "foolwood_siammask_sharp": ("SiamMask_foolwood_sharp", "siammask_r50_l3"),
-}
 
-
-@pytest.fixture(scope="module", params=CHECKPOINTS)
+@pytest.fixture(scope="module", params=NETWORKS)
 def arrays(request, tmp_path_factory):
     """Golden arrays of a network, and those of its inference pieces."""
     torch.set_num_threads(1)
-    checkpoint, name = CHECKPOINTS[request.param]
+    checkpoint, name = NETWORKS[request.param]
     path = save_checkpoint(
         tmp_path_factory.mktemp("weights") / "model.pth", seeded_state(checkpoint)
     )
@@ -44,7 +36,7 @@ def arrays(request, tmp_path_factory):
 def test_values_match_the_reference(arrays):
     golden, actual = arrays
     names = [key.removesuffix("__stride") for key in golden if key.endswith("__stride")]
-    assert set(names) == set(actual), "an array without a counterpart"
+    assert set(names) == set(actual)
     for name in names:
         values = actual[name].ravel()[:: golden[f"{name}__stride"]]
         assert distance(values, golden[name]) < TOLERANCE, name

@@ -1,4 +1,4 @@
-"""Initial weights: ImageNet's in RGB order, without those of a light stem; wrong files."""
+"""Initial weights: channel order and light stem of ImageNet's weights, and refused files."""
 
 import pytest
 

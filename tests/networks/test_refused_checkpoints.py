@@ -1,4 +1,4 @@
-"""Files that are not the authors' checkpoints, and the messages."""
+"""Messages for files that are not the authors' checkpoints."""
 
 import zipfile
 

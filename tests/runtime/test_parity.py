@@ -1,4 +1,4 @@
-"""Every golden network on every runtime against the reference implementation's arrays.
+"""Every golden network on every runtime, compared with the reference implementation's arrays.
 
 With the environment variable SSIAM_SLOW the second SiamMask is also exported.
 """

@@ -1,4 +1,4 @@
-"""Large pieces on OpenVINO: one cached file for both, and the fallback without it."""
+"""Large pieces on OpenVINO: one cached file for both, and the fallback without a cache."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Complete trackers with their networks, in PyTorch, against the reference trackers.
+"""Complete trackers with their networks in PyTorch, compared with the reference trackers.
 
 With the environment variable SSIAM_SLOW all trackers run on all frames.
 """

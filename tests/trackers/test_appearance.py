@@ -20,7 +20,7 @@ VIEW = rigid(25, -12, 0.15, frame_center(SIZE))
 FLAT = np.full((360, 640, 3), 100, np.uint8)
 
 
-def difference(box, other):
+def differences(box, other):
     return np.abs(np.subtract(box, other))
 
 
@@ -59,7 +59,7 @@ def test_the_target_is_found_within_the_reach(box, reach, direction):
     size = np.sqrt(box[2] * box[3])
     dx, dy = (0.95 * reach * size * d for d in direction)
     found = appearance.find(FrameView(camera_frame(world(), rigid(dx, dy, 0))), box, reach)
-    error = difference(found, (box[0] + dx, box[1] + dy, *box[2:]))
+    error = differences(found, (box[0] + dx, box[1] + dy, *box[2:]))
     assert error[0] < box[2] / columns
     assert error[1] < box[3] / rows
     assert found[2:] == box[2:]
@@ -70,8 +70,8 @@ def test_boxes_are_in_the_views_pixels():
     raw = camera_frame(world(), rigid(30, 20, 0))
     view = FrameView(raw, rigid(-41, 14, 0.0))
     found = appearance.find(view, BOX, 1.5)
-    assert difference(found, (289, 184, 48, 48)).max() < 3
-    assert difference(map_box(view.raw_from_stab, found), (330, 170, 48, 48)).max() < 3
+    assert differences(found, (289, 184, 48, 48)).max() < 3
+    assert differences(map_box(view.raw_from_stab, found), (330, 170, 48, 48)).max() < 3
 
 
 def test_an_update_replaces_the_recent_appearance_only():

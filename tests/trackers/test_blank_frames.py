@@ -24,10 +24,10 @@ def demo():
 
 
 def torn(frame, last_row=60):
-    """The decoder has lost all rows below `last_row` and repeats it."""
-    out = frame.copy()
-    out[last_row:] = frame[last_row]
-    return out
+    """A frame in which the decoder has lost all rows below `last_row` and repeats this row."""
+    image = frame.copy()
+    image[last_row:] = frame[last_row]
+    return image
 
 
 BLANK = {
@@ -40,7 +40,7 @@ BLANK = {
 
 
 def spliced(kind, count):
-    """The clip with `count` blank frames after frame BEFORE - 1, and true boxes."""
+    """The clip with `count` blank frames after frame BEFORE - 1, and the true boxes."""
     frames, truth = demo()
     gap = [BLANK[kind](frames[BEFORE - 1])] * count
     boxes = np.insert(truth[: len(frames)], [BEFORE] * count, truth[BEFORE - 1], axis=0)
@@ -65,9 +65,9 @@ def test_the_box_is_held_and_the_target_is_found_again(name, kind, count, shared
         pytest.skip("covered by the other trackers")
     frames, truth = spliced(kind, count)
     tracks = tracked(loaded(name, shared), frames, truth[0])
-    held = tracks[BEFORE - 1].box
+    last_box = tracks[BEFORE - 1].box
     for track in tracks[BEFORE : BEFORE + count]:
-        assert track.box == pytest.approx(held, abs=1.0)
+        assert track.box == pytest.approx(last_box, abs=1.0)
         assert track.score == 0
     assert tracks[BEFORE + count - 1].lost
     for t in range(BEFORE + count, len(frames)):
@@ -86,7 +86,7 @@ def test_blank_frames_do_not_change_the_trackers_state(name, stabilize, shared):
         assert track.box == pytest.approx(tracks[BEFORE - 1].box, abs=1e-6)
     plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
     for after, same in zip(tracks[BEFORE + 6 :], plain[BEFORE:], strict=True):
-        if stabilize == "predict":  # the view is chosen again, so that the crops differ
+        if stabilize == "predict":  # a new view is chosen, so the crops differ
             assert iou(after.box, same.box) > 0.8
             assert after.score == pytest.approx(same.score, abs=0.2)
         else:
@@ -137,7 +137,7 @@ def test_a_frame_torn_below_the_target_is_not_blank():
     assert not detector.is_blank(torn(frame, 220), BOX, lost=False)
 
 
-def test_constant_rows_of_the_first_frame_are_part_of_the_scene():
+def test_repeated_rows_of_the_first_frame_are_part_of_the_scene():
     frame = world()
     frame[:140] = 255
     detector = BlankFrameDetector(frame)
@@ -161,30 +161,27 @@ def test_torn_rows_that_stay_are_accepted_as_part_of_the_scene():
     assert not blank[-1]
 
 
-def _noise(frame, r):
-    return r.integers(0, 255, frame.shape, dtype=np.uint8)
+def _noise(frame, random):
+    return random.integers(0, 255, frame.shape, dtype=np.uint8)
 
 
-def _clouds(frame, r):
-    small = r.integers(0, 255, (24, 40, 3), dtype=np.uint8)
+def _clouds(frame, random):
+    small = random.integers(0, 255, (24, 40, 3), dtype=np.uint8)
     return cv2.resize(small, frame.shape[1::-1], interpolation=cv2.INTER_CUBIC)
 
 
 @pytest.mark.parametrize("unrelated", [_noise, _clouds])
 @pytest.mark.parametrize("stabilize", ["paper", "predict"])
 def test_the_box_is_held_in_frames_of_another_scene(unrelated, stabilize):
-    """They have texture, but show neither the scene nor the target."""
+    """Such frames have texture, but show neither the scene nor the target."""
     frames, truth = demo()
-    r = np.random.default_rng(0)
-    between = [unrelated(frames[BEFORE], r) for _ in range(3)]
+    random = np.random.default_rng(0)
+    between = [unrelated(frames[BEFORE], random) for _ in range(3)]
     tracker = ssiam.load_tracker("lite", stabilize=stabilize)
     tracks = tracked(tracker, [*frames[:BEFORE], *between, *frames[BEFORE:]], truth[0])
     for track in tracks[BEFORE : BEFORE + 3]:
         assert track.score == 0
         assert track.box == pytest.approx(tracks[BEFORE - 1].box, abs=1e-6)
     plain = tracked(ssiam.load_tracker("lite", stabilize=stabilize), frames, truth[0])
-    after = [
-        iou(np.array([a.box]), np.array([b.box]))[0]
-        for a, b in zip(tracks[BEFORE + 3 :], plain[BEFORE:], strict=True)
-    ]
-    assert min(after) > 0.5
+    for track, expected in zip(tracks[BEFORE + 3 :], plain[BEFORE:], strict=True):
+        assert iou(track.box, expected.box) > 0.5

@@ -43,13 +43,13 @@ POSITIONS = (np.arange(SIDE) - SIDE // 2) * STRIDE  # of the features, px from t
 
 
 def features(inside, box):
-    """Features (3, 0), and `inside` for those whose position is inside of a box."""
+    """A map of features (3, 0), with `inside` where the position is in the box."""
     cx, cy, w, h = box
     rows, columns = np.abs(POSITIONS - cy) <= h / 2, np.abs(POSITIONS - cx) <= w / 2
-    found = np.zeros((1, 2, SIDE, SIDE), np.float32)
-    found[0, 0] = 3.0
-    found[0][:, np.outer(rows, columns)] = np.array(inside, np.float32)[:, None]
-    return found
+    maps = np.zeros((1, 2, SIDE, SIDE), np.float32)
+    maps[0, 0] = 3.0
+    maps[0][:, np.outer(rows, columns)] = np.array(inside, np.float32)[:, None]
+    return maps
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def features(inside, box):
     ],
 )
 def test_only_features_in_the_box_are_averaged(box):
-    """cx goes with columns and cy with rows; nothing from outside of the box."""
+    """cx selects columns and cy rows."""
     feature = box_feature(features((0.0, 7.0), box), STRIDE, np.array(box, float))
     np.testing.assert_allclose(feature, (0, 1), atol=1e-12)
 
@@ -101,30 +101,30 @@ def test_zero_features_stay_zero():
 
 def test_values_at_the_baseline_or_above_have_no_drop():
     baseline = RunningBaseline()
-    assert all(baseline.drop(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
+    assert all(baseline.update(value, confident=True) == 0 for value in (0.9, 0.9, 0.95, 0.9, 1.0))
 
 
 def test_the_drop_grows_as_the_value_falls():
     def after(value):
         baseline = RunningBaseline()
         for _ in range(20):
-            baseline.drop(0.9, confident=True)
-        return baseline.drop(value, confident=False)
+            baseline.update(0.9, confident=True)
+        return baseline.update(value, confident=False)
 
-    found = [after(value) for value in np.linspace(0.9, -1.0, 60)]
-    assert found[0] == 0
-    assert found[-1] < 0
-    assert (np.diff(found) <= 0).all()
+    drops = [after(value) for value in np.linspace(0.9, -1.0, 60)]
+    assert drops[0] == 0
+    assert drops[-1] < 0
+    assert (np.diff(drops) <= 0).all()
     assert after(-1.0) == after(-1e6)  # saturated
 
 
 @pytest.mark.parametrize("confident", [True, False])
-def test_a_much_lower_value_joins_the_baseline_only_if_confident(confident):
+def test_a_much_lower_value_changes_the_baseline_only_if_confident(confident):
     baseline = RunningBaseline()
     for _ in range(20):
-        baseline.drop(0.9, confident=True)
-    first = baseline.drop(0.2, confident)
+        baseline.update(0.9, confident=True)
+    first = baseline.update(0.2, confident)
     for _ in range(200):
-        last = baseline.drop(0.2, confident)
+        last = baseline.update(0.2, confident)
     assert first < 0
     assert last == (0 if confident else first)

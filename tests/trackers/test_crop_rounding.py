@@ -1,4 +1,4 @@
-"""Search crops have whole-pixel corners; boxes count from the actual corner."""
+"""Search crops have whole-pixel corners; boxes are computed from the actual corner."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from ssiam import FrameView
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
 from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker
 
-SIDE = 63.5  # px: the search crop is then as large as the network's input, and is not resized
+SIDE = 63.5  # px; with this side the search crop has the network's input size
 CENTER = (200.0, 150.0)
 
 

@@ -1,4 +1,4 @@
-"""The default tracker: its weights are in the package, small, and track."""
+"""The default tracker: small weights in the package, masks, and refused options."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ MAX_BYTES = 12_000_000
 
 
 def tracked(tracker, name="A"):
-    """Tracks of a textured ellipse that moves over blocks, and the frames."""
+    """Tracks of a textured ellipse that moves over a pattern of blocks, and the frames."""
     frames, (x, y, w, h) = golden_video(name)
     tracker.init(frames[0], (x, y, w, h))
     return [tracker.update(frame) for frame in frames[1:]], frames
@@ -55,11 +55,11 @@ def test_the_runtimes_agree():
         np.array([track.box for track in tracked(ssiam.load_tracker(runtime=runtime))[0]])
         for runtime in ("openvino", "onnxruntime")
     )
-    # Rounding grows from frame to frame.
+    # Rounding errors grow from frame to frame.
     assert iou(openvino[:5], onnxruntime[:5]).min() > 0.999
 
 
-def test_a_clone_does_not_disturb_the_original():
+def test_a_clone_does_not_change_the_original():
     first = ssiam.load_tracker()
     alone = [track.box for track in tracked(first)[0]]
     second = first.clone()
@@ -86,6 +86,6 @@ def test_unsupported_options_are_refused(options, message):
         ssiam.load_tracker(**options)
 
 
-def test_other_weights_are_refused(tmp_path):
-    with pytest.raises(WeightsError, match="there"):
-        ssiam.load_tracker("lite", weights=tmp_path / "there")
+def test_missing_weights_are_refused(tmp_path):
+    with pytest.raises(WeightsError, match="absent do not exist"):
+        ssiam.load_tracker("lite", weights=tmp_path / "absent")

@@ -40,18 +40,18 @@ def best_of(tracker, target_xy, *objects):
 @pytest.fixture
 def tracker():
     """After five frames of a target and a distractor."""
-    known = DistractorTracker()
+    tracker = DistractorTracker()
     for _ in range(5):
-        assert best_of(known, TARGET, (*TARGET, 0.6), (*DISTRACTOR, 0.3)) == cell(TARGET)
-    return known
+        assert best_of(tracker, TARGET, (*TARGET, 0.6), (*DISTRACTOR, 0.3)) == cell(TARGET)
+    return tracker
 
 
 def test_a_distractor_with_a_higher_score_for_once_is_excluded(tracker):
     assert best_of(tracker, TARGET, (*TARGET, 0.3), (*DISTRACTOR, 0.7)) == cell(TARGET)
 
 
-def test_if_the_target_is_not_visible_a_distractor_may_be_it(tracker):
-    """Otherwise a wrong choice could not be reversed."""
+def test_without_a_visible_target_no_distractor_is_excluded(tracker):
+    """The distractor may be the target: a wrong choice must be reversible."""
     assert best_of(tracker, TARGET, (*TARGET, 0.02), (*DISTRACTOR, 0.7)) == cell(DISTRACTOR)
 
 
@@ -79,7 +79,7 @@ def test_a_higher_score_over_many_frames_makes_it_the_target(tracker):
     assert best == cell(DISTRACTOR)
 
 
-def test_beside_a_target_of_low_score_nothing_is_excluded():
+def test_next_to_a_target_of_low_score_nothing_is_excluded():
     """The target may be hidden behind the object that is visible at its position."""
     tracker = DistractorTracker()
     for _ in range(8):
@@ -95,12 +95,12 @@ def test_a_new_peak_is_not_a_distractor():
 
 def test_candidates_near_the_target_are_never_excluded(tracker):
     (x, y), (target_x, target_y) = DISTRACTOR, TARGET
-    beside = target_x + 0.6 * SIZE
+    adjacent_x = target_x + 0.6 * SIZE
     for t in np.linspace(0, 1, 8):
-        moving_marker = (x + t * (beside - x), y + t * (target_y - y), 0.3)
-        best_of(tracker, TARGET, (*TARGET, 0.6), moving_marker)
-    excluded = flags(tracker, score_map((*TARGET, 0.3), (beside, target_y, 0.7)), TARGET)
-    assert excluded[cell((beside, target_y))]
+        moving = (x + t * (adjacent_x - x), y + t * (target_y - y), 0.3)
+        best_of(tracker, TARGET, (*TARGET, 0.6), moving)
+    excluded = flags(tracker, score_map((*TARGET, 0.3), (adjacent_x, target_y, 0.7)), TARGET)
+    assert excluded[cell((adjacent_x, target_y))]
     nearer = np.linalg.norm(POSITIONS - TARGET, axis=1) < 0.2 * SIZE
     assert not excluded[nearer].any()
 

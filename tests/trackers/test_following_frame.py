@@ -23,28 +23,28 @@ def frames():
 
 
 def content(track):
-    """All fields of a track in a comparable form."""
+    """The fields of a track in a comparable form."""
     motion = None if track.motion is None else track.motion.cur_from_prev.tolist()
     view = None if track.stab_from_raw is None else track.stab_from_raw.tolist()
     return track.box, track.score, track.lost, track.evidence, motion, view
 
 
-def single(frames, stabilize, announced):
+def single(frames, stabilize, is_announced):
     tracker = ssiam.load_tracker("kcf", stabilize=stabilize)
     tracker.init(frames[0], BOXES[0])
     following = [*frames[2:], None]
     return [
-        content(tracker.update(frame, following=after if announced(t) else None))
+        content(tracker.update(frame, following=after if is_announced(t) else None))
         for t, (frame, after) in enumerate(zip(frames[1:], following, strict=True))
     ]
 
 
-def several(frames, stabilize, announced):
+def several(frames, stabilize, is_announced):
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize))
     group.init(frames[0], BOXES)
     following = [*frames[2:], None]
     return [
-        [content(track) for track in group.update(frame, after if announced(t) else None)]
+        [content(track) for track in group.update(frame, after if is_announced(t) else None)]
         for t, (frame, after) in enumerate(zip(frames[1:], following, strict=True))
     ]
 
@@ -126,7 +126,6 @@ def test_off_has_no_motion_estimator(frames):
 
 
 def test_a_group_gives_the_results_of_its_trackers_with_one_motion(frames):
-    """A group's motion estimate excludes all targets."""
     group = ssiam.TrackerGroup(ssiam.load_tracker("kcf"))
     group.init(frames[0], BOXES)
     alone = [ssiam.load_tracker("kcf") for _ in BOXES]

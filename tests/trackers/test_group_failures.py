@@ -18,7 +18,7 @@ def video():
 
 
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
-def test_the_other_targets_are_tracked_as_without_it(video, stabilize):
+def test_the_other_targets_are_tracked_as_without_the_failure(video, stabilize):
     frames, box = video
     alone = ssiam.TrackerGroup(ssiam.load_tracker("kcf", stabilize=stabilize))
     alone.init(frames[0], [box])

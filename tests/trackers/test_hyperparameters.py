@@ -1,4 +1,4 @@
-"""Hyperparameters against the authors' configuration files and the measured ones."""
+"""Hyperparameters are those of the authors' configuration files, or the measured ones."""
 
 import json
 from pathlib import Path
@@ -94,9 +94,9 @@ def test_confidence_is_as_calibrated(name):
 
 
 def nanotrack_networks():
-    """Networks that are unsure of a target whose features change from frame to frame."""
+    """Networks with a low logit for a target whose features change from frame to frame."""
     scores = np.zeros((1, 2, 16, 16), np.float32)
-    scores[0, 1] = 5  # a logit at which the features count
+    scores[0, 1] = 5  # a logit at which the features have weight
     distances = np.full((1, 4, 16, 16), 20, np.float32)
 
     def features(t, side):

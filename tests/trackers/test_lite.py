@@ -99,11 +99,11 @@ def test_a_mask_is_pasted_at_its_crop():
 )
 @pytest.mark.parametrize("margin", [0, 50])
 def test_a_mask_is_cut_at_the_edges_of_the_frame(center_xy, margin):
-    """For crops across and beyond the edge, its pixels are those of a larger frame."""
-    far = 1000
-    shifted_xy = center_xy[0] + far, center_xy[1] + far
+    """Crops cross the edge of the frame or are outside; the pixels are those of a larger frame."""
+    offset = 1000
+    shifted_xy = center_xy[0] + offset, center_xy[1] + offset
     larger = pasted_mask(NOISE, shifted_xy, 400, EVERYWHERE, (3000, 3000))
-    whole = larger.full((3000, 3000))[far : far + 300, far : far + 400]
+    whole = larger.full((3000, 3000))[offset : offset + 300, offset : offset + 400]
     mask = pasted_mask(NOISE, center_xy, 400, EVERYWHERE, (400, 300), margin)
     assert (mask.full((400, 300)) == whole).all()
 

@@ -61,16 +61,16 @@ FRAMES = [moving_marker(BOX)[0][0]] * 12
 
 
 def test_the_recent_template_is_replaced():
-    tracker = Lite2Tracker(networks(), memory=Memory(every=4))
+    tracker = Lite2Tracker(networks(), memory=Memory(interval=4))
     assert recent(tracker, FRAMES) == [1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3]
 
 
 @pytest.mark.parametrize(
     ("memory", "distractor"),
     [
-        pytest.param(Memory(every=0), 0.0, id="never"),
-        pytest.param(Memory(every=4, score=1.0), 0.0, id="low score"),
-        pytest.param(Memory(every=4), 0.6, id="distractor"),
+        pytest.param(Memory(interval=0), 0.0, id="never"),
+        pytest.param(Memory(interval=4, min_score=1.0), 0.0, id="low score"),
+        pytest.param(Memory(interval=4), 0.6, id="distractor"),
     ],
 )
 def test_the_recent_template_stays_the_first(memory, distractor):
@@ -79,12 +79,12 @@ def test_the_recent_template_stays_the_first(memory, distractor):
 
 
 def test_seek_returns_to_the_first_template():
-    tracker = Lite2Tracker(networks(), memory=Memory(every=4))
+    tracker = Lite2Tracker(networks(), memory=Memory(interval=4))
     recent(tracker, FRAMES)
     tracker.seek(FrameView(FRAMES[0]), BOX)
     assert int(tracker._networks.search.calls[-1][-1].item()) == 1
 
 
 def test_a_clone_has_the_same_memory_settings():
-    tracker = Lite2Tracker(networks(), memory=replace(Memory(), every=4))
+    tracker = Lite2Tracker(networks(), memory=replace(Memory(), interval=4))
     assert tracker.clone()._memory == tracker._memory

@@ -1,4 +1,4 @@
-"""Loss and re-detection by the running score, and the boxes that a hidden target can have."""
+"""Loss and re-detection by the running score, and the boxes that an occluded target can have."""
 
 import numpy as np
 import pytest
@@ -101,7 +101,7 @@ def test_the_reach_grows_with_the_number_of_frames():
         assert 10 < found.index(True) < 80
 
 
-def test_the_position_counts_in_the_scene_and_in_the_frame():
+def test_positions_in_the_scene_and_in_the_frame_are_reachable():
     reachable = unseen(*[PAN] * 10)  # by 2.5 target sizes
     assert reachable.contains(shifted(2.5))
     assert reachable.contains(shifted(0))
@@ -109,7 +109,7 @@ def test_the_position_counts_in_the_scene_and_in_the_frame():
     assert not reachable.contains(shifted(-2.5))
 
 
-def test_after_a_cut_the_position_in_the_frame_counts():
+def test_after_a_cut_the_position_in_the_frame_is_reachable():
     reachable = unseen(STILL, *[Motion.none(SIZE)] * 10)
     assert reachable.contains(BOX)
     assert not reachable.contains(shifted(2))

@@ -1,4 +1,4 @@
-"""Positions at which a lost target is searched after the tracker itself has drifted away."""
+"""Positions at which a lost target is searched after the tracker has drifted away."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ FOUND_BY = HIDDEN[-1] + 35  # a search has tried all its positions several times
 
 
 class DriftingTracker:
-    """Finds the target near the search position; drifts by 6 pixels a frame without it."""
+    """Finds the target near the search position; otherwise drifts by 6 pixels per frame."""
 
     can_seek, reseek_below = True, 0.0
 
@@ -68,8 +68,8 @@ def hidden_by_a_cut():
     """A pan, a cut to another scene with a pan back and beyond, and a cut back to the first."""
     frames = np.arange(COUNT)
     before = np.interp(frames, [0, HIDDEN[0] - 1], [0, -0.6])
-    meanwhile = np.interp(frames, [HIDDEN[0], HIDDEN[-1]], [-0.6, 1])
-    shares = np.where((frames >= HIDDEN[0]) & (frames <= HIDDEN[-1]), meanwhile, before)
+    during = np.interp(frames, [HIDDEN[0], HIDDEN[-1]], [-0.6, 1])
+    shares = np.where((frames >= HIDDEN[0]) & (frames <= HIDDEN[-1]), during, before)
     path = panned(shaking_pan(COUNT), shares)
     return [filmed(OTHER_SCENE if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)], path
 

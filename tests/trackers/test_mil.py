@@ -22,7 +22,7 @@ def test_results_repeat(request):
         tracker = ssiam.load_tracker("mil")
         tracker.init(frames[0], BOX)
         runs.append([tracker.update(frame).box for frame in frames[1:]])
-        cv2.setRNGSeed(7)  # seeds set elsewhere have no effect
+        cv2.setRNGSeed(7)  # a seed in this thread has no effect
     assert runs[0] == runs[1]
 
 

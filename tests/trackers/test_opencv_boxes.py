@@ -1,4 +1,4 @@
-"""Boxes that OpenCV's trackers cannot track are refused in one line, without side effects."""
+"""Boxes that OpenCV's trackers cannot track are refused with one line, without side effects."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from ssiam.errors import ArgumentError, SsiamError, TrackingError
 from ssiam.trackers import opencv
 
 SIZE = (640, 360)
-THIN = {
+ODD_BOXES = {
     "along the upper border": (5, 5, 500, 10),
     "along the left border": (300, 5, 4, 350),
     "of one pixel": (300, 150, 1, 1),
@@ -26,7 +26,7 @@ def frame():
     return generator(0).integers(0, 255, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
 
 
-@pytest.mark.parametrize("box", THIN.values(), ids=THIN)
+@pytest.mark.parametrize("box", ODD_BOXES.values(), ids=ODD_BOXES)
 @pytest.mark.parametrize("stabilize", ["predict", "off"])
 @pytest.mark.parametrize("name", ["csrt", "kcf", "mil"])
 def test_a_box_is_tracked_or_refused_in_one_line(frame, name, stabilize, box):

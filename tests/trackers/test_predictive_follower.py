@@ -1,4 +1,4 @@
-"""Targets that are covered or cut away while the camera shakes and pans, and their re-detection."""
+"""Targets that are occluded, or invisible after a cut, under a shaking camera; re-detection."""
 
 from dataclasses import replace
 from functools import cache
@@ -30,7 +30,7 @@ CONFIG = ssiam.StabilizerConfig()
 
 
 class ScriptedTracker:
-    """Finds the target if it is near the search position; else stays there, with a low score."""
+    """Finds the target near the search position; otherwise stays there, with a low score."""
 
     can_seek, reseek_below = True, 0.0
 
@@ -55,15 +55,15 @@ class ScriptedTracker:
 
 
 class DistractedTracker(ScriptedTracker):
-    """Switches to a distractor beside the target one frame after it is hidden."""
+    """Switches to a distractor next to the target one frame after the target is hidden."""
 
     def __init__(self, frames, path):
         truth = [None if t in HIDDEN else target_box(pose) for t, pose in enumerate(path)]
         super().__init__(frames, truth)
         x, y, w, h = TARGET
-        beside = (x + 1.4 * w, y, w, h)
+        distractor = (x + 1.4 * w, y, w, h)
         self._distractors = {
-            id(frame): map_box(pose, beside)
+            id(frame): map_box(pose, distractor)
             for t, (frame, pose) in enumerate(zip(frames, path, strict=True))
             if t in HIDDEN[1:]
         }
@@ -78,7 +78,7 @@ class DistractedTracker(ScriptedTracker):
 
 
 class LowScoreTracker(ScriptedTracker):
-    """Searches close by, and scores the target low in some frames."""
+    """Finds the target only close to the search position; low scores in some frames."""
 
     def __init__(self, frames, truth, low_frames):
         super().__init__(frames, truth)
@@ -149,7 +149,7 @@ def test_a_lost_target_is_redetected(hidden):
         assert distance(track.box, box) < 0.5
 
 
-def test_a_distractor_beside_a_hidden_target_is_not_accepted():
+def test_a_distractor_next_to_a_hidden_target_is_not_accepted():
     path = shaking_pan(COUNT)
     frames = [filmed(COVERED if t in HIDDEN else OPEN, pose) for t, pose in enumerate(path)]
     tracker = StabilizedTracker(DistractedTracker(frames, path), CONFIG)
@@ -201,8 +201,8 @@ def test_lost_tracks_have_motion_and_view_but_no_mask(hidden):
 
 def test_tracks_that_are_not_lost_have_mask_and_corners():
     tracks, _ = tracked("scripted", *covered())
-    found = {(track.lost, track.corners is None, track.mask is None) for track in tracks}
-    assert found == {(True, True, True), (False, False, False)}
+    combinations = {(track.lost, track.corners is None, track.mask is None) for track in tracks}
+    assert combinations == {(True, True, True), (False, False, False)}
 
 
 @pytest.mark.parametrize("kind", ["kcf", "scripted"])
@@ -241,7 +241,7 @@ def test_prediction_without_a_motion_is_refused():
 
 @pytest.mark.parametrize("name", ["kcf", "csrt"])
 def test_seeking_a_target_outside_of_the_view_does_not_fail(name):
-    """The raw frame shows it, the rendered view does not: it is shifted too far."""
+    """The target is in the raw frame, but the shifted view does not show it."""
     pose = shaking_pan(1)[0]
     frame, box = filmed(OPEN, pose), target_box(pose)
     tracker = ssiam.load_tracker(name, stabilize="off").clone()._tracker

@@ -1,4 +1,4 @@
-"""A call that is refused does not change the state of its object."""
+"""A refused call does not change the state of the object."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,7 @@
-"""Loading trackers by name, and the messages about names and weights that are refused."""
+"""Loading trackers by name, and the messages for refused names and weights."""
 
+import cv2
+import numpy as np
 import pytest
 
 import ssiam
@@ -10,7 +12,7 @@ def test_the_default_tracker_needs_no_arguments():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         pytest.param(
             {"name": "magic"}, "unknown tracker 'magic': choose from lite, csrt", id="tracker"
@@ -19,8 +21,8 @@ def test_the_default_tracker_needs_no_arguments():
         pytest.param({"threads": 0}, "threads is 0", id="threads"),
     ],
 )
-def test_unknown_names_are_refused(arguments, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_unknown_names_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
         ssiam.load_tracker(**arguments)
 
 
@@ -32,7 +34,7 @@ def write(folder, backbone=None, head=None):
 
 
 @pytest.mark.parametrize(
-    ("backbone", "head", "complaint"),
+    ("backbone", "head", "message"),
     [
         pytest.param(None, None, r"holds 0 files named \*backbone\*", id="empty folder"),
         pytest.param(b"\x08\x07", None, r"holds 0 files named \*head\*", id="no head"),
@@ -42,9 +44,9 @@ def write(folder, backbone=None, head=None):
         pytest.param(b"\x08\x07\x12\xff\xff", b"\x08", "damaged or cut short", id="cut short"),
     ],
 )
-def test_bad_weights_are_named(tmp_path, backbone, head, complaint):
+def test_bad_weights_are_named(tmp_path, backbone, head, message):
     weights = write(tmp_path, backbone, head)
-    with pytest.raises(ssiam.WeightsError, match=complaint) as caught:
+    with pytest.raises(ssiam.WeightsError, match=message) as caught:
         ssiam.load_tracker("nanotrack_v2", weights=weights)
     assert str(tmp_path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -89,9 +91,6 @@ def test_pth_files_of_nanotrack_are_refused(shared):
 
 @pytest.mark.parametrize("version", ["v1", "v2", "v3"])
 def test_nanotrack_tracks_and_repeats(shared, version):
-    import cv2
-    import numpy as np
-
     files = sorted(shared("data/sequences/Couple/img").iterdir())[:25]
     frames = [cv2.imread(str(file)) for file in files]
     truth = np.loadtxt(shared("data/sequences/Couple/groundtruth_rect.txt"))[:25] - (1, 1, 0, 0)
@@ -121,7 +120,7 @@ def test_int8_requires_quantized_files(shared, runtime):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         pytest.param({"precision": "f16"}, "openvino has no precision 'f16'", id="precision"),
         pytest.param({"device": "mps"}, "openvino has no device 'mps'", id="device"),
@@ -130,8 +129,8 @@ def test_int8_requires_quantized_files(shared, runtime):
         ),
     ],
 )
-def test_unsupported_runtime_options_are_refused(shared, arguments, complaint):
-    with pytest.raises(ssiam.errors.ArgumentError, match=complaint):
+def test_unsupported_runtime_options_are_refused(shared, arguments, message):
+    with pytest.raises(ssiam.errors.ArgumentError, match=message):
         ssiam.load_tracker("nanotrack_v3", weights=shared("data/weights/nanotrackv3"), **arguments)
 
 

@@ -1,4 +1,4 @@
-"""Rotated boxes of masks, against the references and on known shapes."""
+"""Rotated boxes of masks, compared with the references and on known shapes."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""The shared Siamese loop against SiamRPN++'s reference loop on fixed response maps."""
+"""The shared steps of the Siamese loops, compared with SiamRPN++'s loop on fixed maps."""
 
 import numpy as np
 import pytest

@@ -15,7 +15,7 @@ pytest.importorskip("onnx")
 from helpers.network_files import constant_state, save_checkpoint  # noqa: E402
 from helpers.network_models import NETWORKS, SLOW, checkpoint, exported, folder  # noqa: E402
 from helpers.synthetic import golden_video  # noqa: E402
-from ssiam.runtime import loading as pieces  # noqa: E402
+from ssiam.runtime import loading  # noqa: E402
 
 ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_r50_l3"
 
@@ -37,7 +37,7 @@ def tracked(tracker, count=3):
     return [tracker.update(frame) for frame in frames[1:]]
 
 
-def test_every_tracker_has_a_publication():
+def test_the_weights_of_every_tracker_are_in_the_model_zoo():
     assert set(MODEL_ZOO) == set(ssiam.TRACKERS) - {"lite", "csrt", "kcf", "mil"}
 
 
@@ -60,8 +60,8 @@ def test_resnet_is_loaded_from_one_of_its_exported_files():
 
 
 def test_all_siammask_trackers_share_one_network(monkeypatch):
-    loaded = pieces.load_pieces(exported(MASK), MASK, RuntimeOptions())
-    monkeypatch.setattr(pieces, "load_pieces", lambda *arguments: loaded)
+    loaded = loading.load_pieces(exported(MASK), MASK, RuntimeOptions())
+    monkeypatch.setattr(loading, "load_pieces", lambda *arguments: loaded)
     for name in (each for each in MODEL_ZOO if each.startswith("siammask")):
         tracker = ssiam.load_tracker(name, weights=exported(MASK), stabilize="off")
         (track,) = tracked(tracker, 2)
@@ -103,8 +103,8 @@ def test_a_cache_that_cannot_be_written_is_not_fatal(cache, caplog):
 )
 def test_weights_of_another_network_name_both(tmp_path, runtime, name, keys, found):
     weights = save_checkpoint(tmp_path / "model.pth", constant_state(keys))
-    wanted = MODEL_ZOO[name].network
-    with pytest.raises(ssiam.WeightsError, match=f"those of {found}, not of {wanted}") as caught:
+    expected = MODEL_ZOO[name].network
+    with pytest.raises(ssiam.WeightsError, match=f"those of {found}, not of {expected}") as caught:
         ssiam.load_tracker(name, weights=weights, runtime=runtime)
     assert "\n" not in str(caught.value)
 
@@ -115,7 +115,7 @@ def test_exported_weights_of_another_network():
 
 
 @pytest.mark.parametrize(
-    ("make", "complaint"),
+    ("make", "message"),
     [
         pytest.param(lambda path: path.mkdir(), "holds no network.json", id="empty folder"),
         pytest.param(lambda path: None, "do not exist", id="nothing"),
@@ -123,19 +123,19 @@ def test_exported_weights_of_another_network():
         pytest.param(
             lambda path: (path.mkdir(), (path / "network.json").write_text("{}")),
             "network.json is damaged",
-            id="damaged record",
+            id="damaged manifest",
         ),
     ],
 )
-def test_bad_weights_are_named(tmp_path, make, complaint):
+def test_bad_weights_are_named(tmp_path, make, message):
     make(tmp_path / "given")
-    with pytest.raises(ssiam.WeightsError, match=complaint) as caught:
+    with pytest.raises(ssiam.WeightsError, match=message) as caught:
         ssiam.load_tracker("siamfc", weights=tmp_path / "given")
     assert str(tmp_path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_an_onnx_file_without_a_record(tmp_path):
+def test_an_onnx_file_without_a_manifest(tmp_path):
     shutil.copy(exported(ALEX) / "search.onnx", tmp_path)
     with pytest.raises(ssiam.WeightsError, match=r"holds no network.json"):
         ssiam.load_tracker(ALEX, weights=tmp_path / "search.onnx")
@@ -155,9 +155,9 @@ def test_imported_weights_are_found(cache):
 
 def test_trackers_of_one_kind_share_the_networks(monkeypatch):
     loaded = []
-    load = pieces.load_network
+    load = loading.load_network
     monkeypatch.setattr(
-        pieces, "load_network", lambda *a, **k: (loaded.append(a), load(*a, **k))[1]
+        loading, "load_network", lambda *a, **k: (loaded.append(a), load(*a, **k))[1]
     )
     group = ssiam.TrackerGroup(ssiam.load_tracker(ALEX, weights=exported(ALEX)))
     frames, box = golden_video("A", 2)

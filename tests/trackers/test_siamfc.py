@@ -1,4 +1,4 @@
-"""SiamFC's loop against the reference on fixed responses, and on a marker."""
+"""SiamFC's loop, compared with the reference on fixed responses, and on a marker."""
 
 import numpy as np
 import pytest

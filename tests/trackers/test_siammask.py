@@ -1,4 +1,4 @@
-"""SiamMask's and SiamMask_E's loops against the references, and on a marker."""
+"""The loops of SiamMask and SiamMask_E, compared with the references, and on a marker."""
 
 from dataclasses import replace
 
@@ -99,13 +99,13 @@ def test_an_empty_mask_gives_the_upright_box(name):
 
 @pytest.mark.parametrize(("variant", "center_x"), [("pysot", 320.0), ("siammask", 330.2)])
 def test_an_empty_mask_beyond_the_border(variant, center_x):
-    """The authors' loop returns the box as found, pysot's the clamped one."""
+    """The authors' loop returns the unclamped box, pysot's the clamped one."""
     maps = fixed_features()
 
     def beyond(t, *inputs):
         cls, loc, *features = maps(*inputs)
         cls[:], loc[:] = 0, 0
-        cls[0, 7, 12, 17] = 8  # five cells of 8 px of the crop to the right
+        cls[0, 7, 12, 17] = 8  # five cells (40 px of the crop) to the right of the center
         return [cls, loc, *features]
 
     empty = Stub(lambda t, *windows: [np.full((1, 127 * 127), -12, np.float32)])
@@ -142,7 +142,7 @@ def test_mask_and_corners_follow_the_view(name, stab_from_raw):
 
 
 def test_a_mask_is_not_cut_at_the_edges_of_a_stabilized_view():
-    """The view is shifted to the left: a part of the raw frame is beyond its edge."""
+    """The view is shifted to the left: a part of the raw frame is outside of it."""
     box = (2.0, 100.0, 60.0, 40.0)
     frame = marker_frame(box)
     stab_from_raw = rigid(-15, 0, 0.0)

@@ -45,18 +45,16 @@ def test_mask_probability_of_any_logit():
     np.testing.assert_allclose(found.ravel(), expected[0], atol=1e-7)
 
 
-@pytest.mark.parametrize("cell", [(0, 0), (12, 12), (24, 24), (5, 17), (24, 0)])
+@pytest.mark.parametrize("cell", [(0, 0), (12, 12), (24, 24), (5, 17), (24, 0), (3, 21)])
 def test_windows_are_cut_from_padded_features(cell):
-    r = generator(3)
-    sides = (125, 63, 31)
-    corr, *features = (r.random((1, 2, n, n), dtype=np.float32) for n in (25, *sides))
-    *windows, kernel = refinement_windows(corr, features, cell)
-    row, column = cell
-    np.testing.assert_array_equal(kernel[:, :, 0, 0], corr[:, :, row, column])
-    for each, window, (pad, step, side) in zip(
-        features, windows, ((16, 4, 61), (8, 2, 31), (4, 1, 15)), strict=True
-    ):
-        padded = np.pad(each, ((0, 0), (0, 0), (pad, pad), (pad, pad)))
-        expected = padded[:, :, row * step :, column * step :][:, :, :side, :side]
-        np.testing.assert_array_equal(window, expected)
+    random = generator(3)
+    shapes = ((1, 256, 25, 25), (1, 64, 125, 125), (1, 256, 63, 63), (1, 512, 31, 31))
+    corr, x0, p1, p2 = (random.random(shape, dtype=np.float32) for shape in shapes)
+    windows = refinement_windows(corr, [x0, p1, p2], cell)
+    layout = ((x0, 16, 4, 61), (p1, 8, 2, 31), (p2, 4, 1, 15), (corr, 0, 1, 1))
+    for window, (features, pad, stride, side) in zip(windows, layout, strict=True):
+        padded = np.pad(features, ((0, 0), (0, 0), (pad, pad), (pad, pad)))
+        rows, columns = (slice(stride * index, stride * index + side) for index in cell)
+        np.testing.assert_array_equal(window, padded[:, :, rows, columns])
+        assert window.dtype == np.float32
         assert window.flags.c_contiguous

@@ -1,4 +1,4 @@
-"""SiamRPN's loop against the references on fixed maps, and on a marker."""
+"""SiamRPN's loop, compared with the references on fixed maps, and on a marker."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from ssiam.trackers import siammask
 from ssiam.trackers.reference_crops import siammask_crop
 from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
 
-# foolwood/SiamMask without its mask: one of its loops for upright boxes.
+# "fool-box": the loop of foolwood/SiamMask for upright boxes.
 LOOPS = {
     "siamrpn_r50_l234_dwxcorr": PARAMETERS["siamrpn_r50_l234_dwxcorr"],
     "siamrpn_alex_dwxcorr": PARAMETERS["siamrpn_alex_dwxcorr"],

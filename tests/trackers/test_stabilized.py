@@ -1,4 +1,4 @@
-"""The stabilized tracker: results in raw-frame pixels, refusals, and odd frames."""
+"""The stabilized tracker: results in raw-frame pixels, refused calls, and unrelated frames."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,6 @@ def test_results_are_mapped_to_the_raw_frame(stabilize):
 
 
 def test_a_box_fixed_in_the_view_follows_the_background():
-    """In the stabilized view the background hardly moves."""
     frames, frame_from_world = shaken(count=60)
     tracker = StabilizedTracker(StillTracker(), ssiam.StabilizerConfig("paper"))
     tracker.init(frames[0], BOX)

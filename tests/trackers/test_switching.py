@@ -16,7 +16,7 @@ METHODS = ["off", "paper", "predict"]
 
 
 class RecordingTracker:
-    """Reports the last box that it was given, and counts its templates."""
+    """Reports the box of the last `init` or `seek`, and counts the templates."""
 
     reseek_below = 0.0
 
@@ -110,7 +110,7 @@ def test_targets_join_and_leave_a_group(shaken):
     group.join(late, BOX)
     for frame in frames[2:6]:
         (track,) = group.update(frame)
-    there = map_box(path[5] @ np.linalg.inv(path[1]), BOX)
-    assert overlap(track.box, there) > 0.5
+    expected = map_box(path[5] @ np.linalg.inv(path[1]), BOX)
+    assert overlap(track.box, expected) > 0.5
     group.leave(late)
     assert group.update(frames[6]) == []

@@ -1,7 +1,7 @@
-"""Trackers of one load in parallel threads give the same results as one after the other.
+"""Clones of one tracker in parallel threads give the same results as one after the other.
 
-All threads wait between inference and reading of the outputs: trackers that share buffers then
-read each other's outputs, on every machine and in every run.
+All threads wait for each other after each inference, before they read the outputs: trackers that
+share buffers would read each other's outputs on every machine and in every run.
 """
 
 import threading
@@ -13,7 +13,7 @@ import pytest
 
 import ssiam
 from helpers.synthetic import golden_video
-from ssiam.runtime import loading as pieces
+from ssiam.runtime import loading
 from ssiam.video import open_source
 
 THREADS = 4
@@ -36,16 +36,16 @@ BOXES = [  # the walker, and three parts of the scene
 
 
 def tracked(tracker, box, frames, before=lambda: None):
-    """Boxes, scores, corners and masks of a target: everything that depends on the networks."""
+    """Boxes, scores, corners and masks of a target: all results that depend on the networks."""
     tracker.init(frames[0], box)
-    found = []
+    results = []
     for frame in frames[1:]:
         before()
         track = tracker.update(frame)
         mask = None if track.mask is None else np.packbits(track.mask).tobytes()
         corners = None if track.corners is None else track.corners.tolist()
-        found.append((track.box, track.score, corners, mask))
-    return found
+        results.append((track.box, track.score, corners, mask))
+    return results
 
 
 def in_parallel(jobs, barrier):
@@ -62,65 +62,65 @@ def in_parallel(jobs, barrier):
         return [done.result() for done in [pool.submit(run, job) for job in jobs]]
 
 
-def hold_openvino(monkeypatch, hold):
+def patch_openvino(monkeypatch, wait):
     from ssiam.runtime.openvino import ov
 
     infer = ov.InferRequest.infer
 
-    def held(request, inputs, share_inputs=False, share_outputs=False):
+    def infer_and_wait(request, inputs, share_inputs=False, share_outputs=False):
         # Shared outputs: copies could be made before the other threads arrive.
         results = infer(request, inputs, share_inputs=share_inputs, share_outputs=True)
-        hold()
+        wait()
         return results
 
-    monkeypatch.setattr(ov.InferRequest, "infer", held)
+    monkeypatch.setattr(ov.InferRequest, "infer", infer_and_wait)
 
 
-def hold_onnxruntime(monkeypatch, hold):
+def patch_onnxruntime(monkeypatch, wait):
     ort = pytest.importorskip("onnxruntime")
     run = ort.InferenceSession.run
 
-    def held(session, *arguments):
+    def run_and_wait(session, *arguments):
         results = run(session, *arguments)
-        hold()
+        wait()
         return results
 
-    monkeypatch.setattr(ort.InferenceSession, "run", held)
+    monkeypatch.setattr(ort.InferenceSession, "run", run_and_wait)
 
 
-def hold_torch(monkeypatch, hold):
+def patch_torch(monkeypatch, wait):
     torch = pytest.importorskip("torch")
     from ssiam.networks import export as graphs
 
     for kind in (graphs.TemplateGraph, graphs.SearchGraph, graphs.RefineGraph):
 
-        def held(graph, *inputs, forward=kind.forward):
+        def forward_and_wait(graph, *inputs, forward=kind.forward):
             results = forward(graph, *inputs)
-            hold()
+            wait()
             return results
 
-        monkeypatch.setattr(kind, "forward", held)
+        monkeypatch.setattr(kind, "forward", forward_and_wait)
     assert torch.nn.Module.__call__  # which calls forward
 
 
-HOLD = {"openvino": hold_openvino, "onnxruntime": hold_onnxruntime, "torch": hold_torch}
+PATCHES = {"openvino": patch_openvino, "onnxruntime": patch_onnxruntime, "torch": patch_torch}
 
 
 def check(monkeypatch, runtime, first, frames):
-    """Four trackers in four threads against one after the other, each on its own target."""
+    """Compare four trackers in four threads with one after the other, on different targets."""
     alone = [tracked(first, box, frames) for box in BOXES]
-    assert len({str(found) for found in alone}) == THREADS  # so that a mix-up is noticed
+    assert len({str(results) for results in alone}) == THREADS  # a mix-up would be noticed
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    HOLD[runtime](monkeypatch, barrier.wait)
+    PATCHES[runtime](monkeypatch, barrier.wait)
     trackers = [first, *(first.clone() for _ in BOXES[1:])]
     jobs = [
         lambda tracker=tracker, box=box: tracked(tracker, box, frames)
         for tracker, box in zip(trackers, BOXES, strict=True)
     ]
-    found = None
+    together = None
     with suppress(threading.BrokenBarrierError):
-        found = in_parallel(jobs, barrier)
-    assert found == alone
+        together = in_parallel(jobs, barrier)
+    assert together == alone
 
 
 @pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
@@ -165,7 +165,7 @@ def test_networks_with_shared_weights(monkeypatch):
     from helpers.network_models import exported, folder
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder() / "cache"))
-    monkeypatch.setattr(pieces, "_MIN_SHARED_BYTES", 1_000_000)
+    monkeypatch.setattr(loading, "_MIN_SHARED_BYTES", 1_000_000)
     first = ssiam.load_tracker(ALEX, weights=exported(ALEX), stabilize="off")
     check(monkeypatch, "openvino", first, golden_video("A", 4)[0])
 
@@ -209,16 +209,16 @@ def test_opencv(frames, name):
 
 @pytest.mark.parametrize("keypoints", ssiam.motion.KEYPOINTS)
 def test_camera_motion(frames, keypoints):
-    def run(seen, before=lambda: None):
+    def run(part, before=lambda: None):
         camera = ssiam.CameraMotion(keypoints)
         motions = []
-        for frame in seen:
+        for frame in part:
             before()
             motions.append(camera.update(frame).cur_from_prev.tolist())
         return motions
 
     parts = [frames, frames[::-1], frames[:1] + frames[2:] + frames[1:2], frames[3:] + frames[:3]]
-    alone = [run(seen) for seen in parts]
+    alone = [run(part) for part in parts]
     barrier = threading.Barrier(THREADS, timeout=WAIT)
-    jobs = [lambda seen=seen: run(seen, barrier.wait) for seen in parts]
+    jobs = [lambda part=part: run(part, barrier.wait) for part in parts]
     assert in_parallel(jobs, barrier) == alone

@@ -1,4 +1,4 @@
-"""Targets of a few pixels: boxes of their size, or a lower score."""
+"""Targets of a few pixels: boxes of their size, or lower scores."""
 
 import cv2
 import numpy as np
@@ -15,14 +15,15 @@ from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 
 
 def drawn(side, shake, count=16):
-    """Frames (360, 640, 3) of a bright square that moves over a shaking ground, and its boxes."""
-    r = generator(3)
-    noise = r.integers(0, 255, (700, 1000, 3), dtype=np.uint8)
-    ground = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 60, 160, cv2.NORM_MINMAX)
-    path = r.normal(0, shake / 2, (count, 2)).cumsum(axis=0) + r.normal(0, shake, (count, 2))
+    """Frames (360, 640, 3) of a bright square on a shaking background, and its boxes."""
+    random = generator(3)
+    noise = random.integers(0, 255, (700, 1000, 3), dtype=np.uint8)
+    background = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 6), None, 60, 160, cv2.NORM_MINMAX)
+    path = random.normal(0, shake / 2, (count, 2)).cumsum(axis=0)
+    path += random.normal(0, shake, (count, 2))
     frames, boxes = [], []
     for index, (ox, oy) in enumerate(np.round(150 + path).astype(int).tolist()):
-        frame = ground[oy : oy + 360, ox : ox + 640].copy()
+        frame = background[oy : oy + 360, ox : ox + 640].copy()
         x, y = int(470 + 1.5 * index - ox), int(330 + 0.7 * index - oy)
         frame[y : y + side, x : x + side] = 240, 240, 250
         frames.append(frame)

@@ -1,6 +1,7 @@
 """The networks of SiamFC, SiamRPN++, SiamMask and lite in PyTorch, and the authors' weights.
 
-Needs PyTorch: pip install 'ssiam[torch]'. Outside this package only `ssiam.training` imports it.
+This package needs PyTorch: pip install 'ssiam[torch]'. `ssiam.training` imports it; other packages
+import it only when a checkpoint is read.
 """
 
 from ssiam.errors import MissingExtraError

@@ -1,4 +1,4 @@
-"""The base class of all Siamese networks: one piece for the template, one for the search crop."""
+"""The base class of the Siamese networks: a piece for the template, and one for the search crop."""
 
 from __future__ import annotations
 
@@ -30,15 +30,22 @@ class SiameseNetwork(nn.Module, ABC):
 
     @abstractmethod
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Everything that depends only on a template crop, computed once per target."""
+        """Kernels of a template crop (N, 3, 127, 127), computed once per target."""
 
     @abstractmethod
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, ...]:
-        """Responses of a search crop to the output of `template`.
+        """Responses of a search crop to the kernels of a template.
 
-        With `sliced`, correlations are computed as sums of slices, for export.
+        Parameters
+        ----------
+        crop : Tensor
+            (N, 3, S, S), of `search_shape`.
+        kernels : sequence of Tensor
+            The output of `template`.
+        sliced : bool
+            Compute correlations as sums of slices, for export; see `ssiam.networks.correlation`.
         """
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, ...]:

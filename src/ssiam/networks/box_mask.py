@@ -1,4 +1,4 @@
-"""The mask of the object in a box: a separate network, run only when a mask is requested.
+"""A network for the mask of the object in a box, run only when a mask is requested.
 
 The box is enlarged and stretched to a square crop, so that a narrow target has the same resolution
 as a round one, and the crop alone defines the target (as in AlphaRefine, Yan et al., CVPR 2021).
@@ -61,11 +61,11 @@ class BoxMaskNetwork(nn.Module):
         at4, at8, at16 = (
             project(level) for project, level in zip(self.lateral, levels, strict=True)
         )
-        from16, from8, from4 = self.joined
+        conv8, conv4, conv2 = self.joined  # at strides 8, 4 and 2
         features = F.relu(at8 + _upsample(self.context(F.relu(at16))))
-        features = F.relu(at4 + _upsample(from16(features)))
-        features = self.edges(crop / 128 - 1) + _upsample(from8(features))
-        logits: Tensor = self.logits(from4(features))
+        features = F.relu(at4 + _upsample(conv8(features)))
+        features = self.edges(crop / 128 - 1) + _upsample(conv4(features))
+        logits: Tensor = self.logits(conv2(features))
         return logits
 
 

@@ -46,7 +46,7 @@ _DAMAGED: Final[tuple[type[Exception], ...]] = (
 
 
 class Checkpoint(NamedTuple):
-    """A network and its name, a tuple (name, network).
+    """A tuple (name, network).
 
     Threads: a value; any number of threads may share it.
     """
@@ -67,6 +67,11 @@ def read_checkpoint(path: Path) -> Checkpoint:
     ----------
     path : Path
         The .pth file.
+
+    Returns
+    -------
+    Checkpoint
+        The name of the network, one of `NETWORKS`, and the network.
 
     Raises
     ------
@@ -99,8 +104,8 @@ def read_torch_file(path: Path) -> Any:
 def network_from_state_dict(weights: Mapping[str, Tensor]) -> Checkpoint:
     """The network that has exactly these weights; `num_batches_tracked` may be absent.
 
-    Raises `WeightsError` if there is none. Its message starts with the verb, for a caller that
-    adds the subject.
+    Raises `WeightsError` if there is none. The message starts with a verb; the caller adds the
+    subject, the file.
     """
     ours = rename_keys(weights)
     difference = recognize({key: tuple(value.shape) for key, value in ours.items()})

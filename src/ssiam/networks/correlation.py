@@ -48,7 +48,7 @@ def correlate(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 def correlate_sliced(search: Tensor, kernel: Tensor) -> Tensor:
-    """The value of `correlate`, as a weighted sum of k * k shifted slices of `search`."""
+    """The same as `correlate`, computed as a weighted sum of k * k shifted slices of `search`."""
     rows, columns, side = _sizes(search, kernel)
     return sum_tensors(
         [
@@ -78,7 +78,7 @@ def correlate_all(search: Tensor, kernel: Tensor) -> Tensor:
 
 
 def correlate_all_sliced(search: Tensor, kernel: Tensor) -> Tensor:
-    """The value of `correlate_all`, as the sum of k * k shifted slices of one matrix product."""
+    """The same as `correlate_all`, computed as a sum of k * k slices of one matrix product."""
     rows, columns, side = _sizes(search, kernel)
     taps = kernel[0].flatten(1).transpose(0, 1)  # (k * k, C)
     products = torch.matmul(taps, search.flatten(2))  # (N, k * k, H * W)
@@ -113,7 +113,7 @@ class CorrelationHead(nn.Module):
         return kernel
 
     def correlation(self, search: Tensor, kernel: Tensor, *, sliced: bool = False) -> Tensor:
-        """Correlation (1, 256, n, n) of search features (1, 256, s, s); n = s - 2 - k + 1."""
+        """Correlation (1, 256, n, n) of search features (1, 256, s, s); n = s - k - 1."""
         features = self.conv_search(search)
         return correlate_sliced(features, kernel) if sliced else correlate(features, kernel)
 

@@ -1,7 +1,7 @@
-"""Networks in pieces for inference, and the pieces as ONNX files.
+"""Networks split into pieces for inference, and their export to ONNX.
 
 A piece takes and returns tensors only. `template` runs once per target, `search` once per frame,
-and `refine` or `mask` for the one cell whose mask is wanted.
+and `refine` or `mask` for the chosen cell only.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SearchGraph(nn.Module):
     ----------
     network : SiameseNetwork
     sliced : bool
-        Compute correlations as sums of slices, which every runtime accepts. Otherwise they are
+        Compute correlations as sums of slices, which every runtime accepts, and not as
         convolutions whose weights are inputs, which are faster in PyTorch.
     """
 
@@ -83,7 +83,6 @@ class MaskGraph(nn.Module):
     """
 
     input_shapes = ((1, 256, 1, 1),)
-
     input_names: tuple[str, ...] = ("corr",)
     output_names: tuple[str, ...] = ("logits",)
 
@@ -106,7 +105,6 @@ class RefineGraph(nn.Module):
     """
 
     input_shapes = ((1, 64, 61, 61), (1, 256, 31, 31), (1, 512, 15, 15), (1, 256, 1, 1))
-
     input_names: tuple[str, ...] = ("x0", "p1", "p2", "corr")
     output_names: tuple[str, ...] = ("logits",)
 
@@ -115,13 +113,13 @@ class RefineGraph(nn.Module):
         self.refine = network.refine_head
 
     def forward(self, x0: Tensor, p1: Tensor, p2: Tensor, corr: Tensor) -> Tensor:
-        """Mask logits of the cell."""
+        """Mask logits (1, 16129) of the cell."""
         logits: Tensor = self.refine(x0, p1, p2, corr)
         return logits
 
 
 class BackboneGraph(nn.Module):
-    """Crop (1, 3, S, S) -> the first levels of a backbone, which training runs frozen.
+    """Crop (1, 3, S, S) -> the first levels of a backbone, which are frozen in training.
 
     Parameters
     ----------
@@ -139,7 +137,7 @@ class BackboneGraph(nn.Module):
         self.output_names = tuple(f"level{number}" for number in range(count))
 
     def forward(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """The levels of a crop."""
+        """The first levels (1, C, n, n) of a crop, shallow to deep."""
         return tuple(self.backbone.lower(crop, self._count))
 
 
@@ -178,6 +176,7 @@ def write_onnx(
     input_shapes : sequence of tuple of int
         In the order of `graph.input_names`.
     path : Path
+        The file to write.
     opset : int
         Version of the ONNX operator set.
 
@@ -199,7 +198,7 @@ def write_onnx(
             graph.eval(),
             tuple(map(torch.zeros, input_shapes)),
             str(path),
-            dynamo=False,  # the other exporter needs two more packages
+            dynamo=False,  # the dynamo exporter needs two more packages
             opset_version=opset,
             input_names=list(graph.input_names),
             output_names=list(graph.output_names),

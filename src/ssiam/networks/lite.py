@@ -21,7 +21,7 @@ from ssiam.networks.base import SiameseNetwork
 
 __all__ = ["BLOCKS", "CELLS", "MASK_CELLS", "STRIDE", "LiteNetwork", "LiteResponses"]
 
-BLOCKS: Final = 9  # of the backbone, by default
+BLOCKS: Final = 9  # blocks of the backbone, by default
 STRIDE: Final = 8  # px of the search crop between cells
 CELLS: Final = 32  # per side of the response maps
 MASK_CELLS: Final = 64  # per side of the mask; a cell is 4 px wide
@@ -88,7 +88,7 @@ class LiteNetwork(SiameseNetwork):
         self._init_heads()
 
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Kernel (N, 64, 96) of a template crop (N, 3, 127, 127), alone in a tuple."""
+        """Kernel (N, 64, 96) of a template crop (N, 3, 127, 127), as a 1-tuple."""
         return (self.kernel(self.backbone(crop)),)
 
     def search(
@@ -98,7 +98,7 @@ class LiteNetwork(SiameseNetwork):
         return self.responses(self.backbone(crop), kernels[0])
 
     def kernel(self, levels: Sequence[Tensor]) -> Tensor:
-        """Kernel (N, 64, 96) of a template crop's levels: the features of 64 cells, of norm 1."""
+        """Kernel (N, 64, 96) of a template crop's levels: the unit features of 64 cells."""
         features = self.neck(levels)
         start = (int(features.shape[-1]) - _KERNEL_SIDE) // 2
         center = slice(start, start + _KERNEL_SIDE)
@@ -106,7 +106,7 @@ class LiteNetwork(SiameseNetwork):
         return F.normalize(cells, dim=2)
 
     def responses(self, levels: Sequence[Tensor], kernel: Tensor) -> LiteResponses:
-        """Responses of a search crop's levels to a kernel."""
+        """Responses of a search crop's levels to a kernel (N, 64, 96)."""
         features = self.neck(levels)
         correlation = torch.matmul(kernel, features.flatten(2))
         correlation = correlation.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
@@ -122,7 +122,7 @@ class LiteNetwork(SiameseNetwork):
         )
 
     def _init_heads(self) -> None:
-        """Set the biases to typical outputs, which shortens the start of training."""
+        """Initialize the biases to typical outputs, so that training starts faster."""
         for head, value in (
             (self.score, -math.log(1 / _INITIAL_SCORE - 1)),
             (self.quality, 0.0),
@@ -178,7 +178,7 @@ class _Separable(nn.Sequential):
 
 
 def _conv3(channels: int, out: int) -> nn.Sequential:
-    """A full 3 x 3 convolution: at these sizes as fast as a separable one, and it learns faster."""
+    """A full 3 x 3 convolution; at these sizes as fast as a separable one, and trained faster."""
     return _norm_relu(nn.Conv2d(channels, out, 3, padding=1, bias=False))
 
 

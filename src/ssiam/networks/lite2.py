@@ -5,7 +5,7 @@ region with each other, which is needed to distinguish the target from distracto
 of the search region attends to the template, to a recent template and to the search region before
 the correlation, as in HCAT (Chen et al., ECCV Workshops 2022) and MixFormerV2 (Cui et al., NeurIPS
 2023). As in these, the template does not attend to the search region, so it is computed once. The
-attention blocks start with zero weights: the untrained network is NanoTrack v3.
+output layers of the attention blocks start at zero: the untrained network is NanoTrack v3.
 """
 
 from __future__ import annotations
@@ -18,12 +18,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ssiam.networks.base import SiameseNetwork
-from ssiam.networks.nanotrack import (
-    WIDTH,
-    NanoBackbone,
-    NanoHead,
-    NanoKernels,
-)
+from ssiam.networks.nanotrack import WIDTH, NanoBackbone, NanoHead, NanoKernels
 
 __all__ = ["ATTENTION_BLOCKS", "CELLS", "STRIDE", "Lite2Network", "Lite2Responses"]
 
@@ -35,7 +30,7 @@ _HEADS: Final = 4
 _EXPANSION: Final = 2  # hidden channels of a feed-forward layer per input channel
 _TEMPLATE: Final = 8  # cells per side of a template's features
 _SEARCH: Final = 16  # cells per side of a search crop's features
-_POOLED: Final = 2  # cells per side that are averaged to a key of the search region
+_POOLED: Final = 2  # cells per side that are averaged into one key of the search region
 _POSITION: Final = 0.02  # initial standard deviation of the position embeddings
 
 
@@ -100,12 +95,12 @@ class Lite2Network(SiameseNetwork):
         """Responses of a search crop (N, 3, 255, 255); `sliced` has no effect.
 
         `kernels` are the output of `template`, optionally followed by the context of a recent
-        template. Without one, the first template's context takes its place.
+        template. By default that is the context of the first template.
         """
         return self.responses(self.backbone(crop)[1], kernels)
 
     def responses(self, features: Tensor, kernels: Sequence[Tensor]) -> Lite2Responses:
-        """Responses of a search crop's features (N, 96, 16, 16)."""
+        """Responses of a search crop's features (N, 96, 16, 16); `kernels` as for `search`."""
         *correlated, context = kernels[: len(self.kernel_names)]
         recent = kernels[len(self.kernel_names)] if len(kernels) > len(self.kernel_names) else None
         attended = self.relation(features, context, context if recent is None else recent)
@@ -144,8 +139,8 @@ class _Relation(nn.Module):
 class _Block(nn.Module):
     """Residual attention and feed-forward layer; the residuals are zero before training.
 
-    There is no layer normalization: the features have a fixed scale, and over channels it would
-    take as long as the rest of the block.
+    There is no layer normalization: the features have a fixed scale, and a normalization over
+    channels would take as long as the rest of the block.
     """
 
     def __init__(self) -> None:

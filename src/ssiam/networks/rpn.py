@@ -51,8 +51,8 @@ class MultiRPN(nn.Module):
     Parameters
     ----------
     weighted : bool
-        Weight the levels with the softmax of learned weights (SiamRPN++, section 3.3); otherwise
-        take the mean.
+        Whether levels are weighted by the softmax of learned weights (SiamRPN++, section 3.3);
+        otherwise the mean is taken.
     levels : int
         Number of levels.
     """
@@ -74,10 +74,10 @@ class MultiRPN(nn.Module):
 
     def kernels(self, templates: Sequence[Tensor]) -> list[Tensor]:
         """Two kernels (1, 256, 5, 5) per level, in the order of `kernel_names`."""
-        found: list[Tensor] = []
+        kernels: list[Tensor] = []
         for head, template in zip(self._heads(), templates, strict=True):
-            found += head.kernels([template])
-        return found
+            kernels += head.kernels([template])
+        return kernels
 
     def forward(
         self, searches: Sequence[Tensor], kernels: Sequence[Tensor], *, sliced: bool = False

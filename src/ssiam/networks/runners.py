@@ -1,4 +1,4 @@
-"""A network's pieces in PyTorch as callables on arrays, on a CPU or a GPU."""
+"""A network's pieces in PyTorch as functions of NumPy arrays, on a CPU or a GPU."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def piece_shapes(name: NetworkName) -> dict[str, PieceShapes]:
 
 
 class GraphRunner(SharedOnCopy):
-    """A piece of a network, without gradients.
+    """A piece of a network as a function of NumPy arrays, without gradients.
 
     Threads: may be called from any number at once; the network keeps nothing between calls.
 
@@ -69,10 +69,10 @@ class GraphRunner(SharedOnCopy):
     graph : InferenceGraph
         On the device, in evaluation mode.
     shapes : callable
-        Returns the shapes. It is called on demand, because they take PyTorch a second.
+        Returns the shapes. It is called on demand, because it takes a second.
     device : {"cpu", "cuda", "mps"}
     dtype : torch.dtype
-        Of the weights. Input and output arrays are float32 in any case.
+        Data type of the weights. Input and output arrays are always float32.
     """
 
     _copy_hint = "load it in each process"
@@ -126,7 +126,7 @@ def graph_runners(
 ) -> dict[str, GraphRunner]:
     """The pieces of a checkpoint's network by name, as in `inference_graphs`.
 
-    The network itself is moved to the device and to channels-last order.
+    The network is moved to the device and to channels-last order in place.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""SiamFC: one response map by correlation (Bertinetto et al., ECCV 2016 workshops)."""
+"""SiamFC: one response map by correlation (Bertinetto et al., ECCV Workshops 2016)."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class SiamFC(SiameseNetwork):
         self.backbone = AlexNetV1()
 
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Features (1, 256, 6, 6) of a template crop (1, 3, 127, 127), alone in a tuple."""
+        """Features (1, 256, 6, 6) of a template crop (1, 3, 127, 127), as a 1-tuple."""
         return (self.backbone(crop),)
 
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> tuple[Tensor, ...]:
-        """Response map (N, 1, 17, 17) of search crops (N, 3, 255, 255), alone in a tuple."""
+        """Response map (N, 1, 17, 17) of search crops (N, 3, 255, 255), as a 1-tuple."""
         features = self.backbone(crop)
         (kernel,) = kernels
         correlated = (correlate_all_sliced if sliced else correlate_all)(features, kernel)

@@ -1,4 +1,4 @@
-"""SiamMask: scores and boxes of SiamRPN, and a mask of the target (Wang et al., CVPR 2019)."""
+"""SiamMask: SiamRPN's scores and boxes, and a mask of the target (Wang et al., CVPR 2019)."""
 
 from __future__ import annotations
 

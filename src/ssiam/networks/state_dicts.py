@@ -1,4 +1,4 @@
-"""State dicts of other repositories: keys renamed, and the network recognized by its weights."""
+"""State dicts of other repositories: renaming of their keys, and recognition of the network."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ _MODULES: Final = {
 
 
 def rename_keys(weights: Mapping[str, Value]) -> dict[str, Value]:
-    """The same weights under this package's names; unknown names are kept.
+    """The same weights with this package's key names; unknown names are kept.
 
-    These are pysot's names, and for SiamFC those of siamfc-pytorch.
+    This package's names are those of pysot, and for SiamFC those of siamfc-pytorch.
     """
     return {_rename(key): value for key, value in weights.items()}
 
@@ -84,7 +84,7 @@ class Difference:
     network : str
         Name of the most similar network, None if less than half of its weights are present.
     missing, unexpected, reshaped : tuple of str
-        Names of weights; the reshaped ones with both shapes.
+        Names of weights; `reshaped` has both shapes in the text.
     """
 
     network: NetworkName | None

@@ -1,4 +1,4 @@
-"""Export of the authors' .pth files to ONNX, checked against PyTorch."""
+"""Export of the authors' .pth files to ONNX, with a check against PyTorch."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def export_network(
     """Write a checkpoint's network as .onnx files.
 
     The files are template.onnx, search.onnx, and refine.onnx for masks, in float32. With
-    `precision` "int8", search.onnx, which runs once per frame, is quantized. Before files are
-    moved to `folder`, the float32 files are compared with PyTorch on noise.
+    `precision` "int8", search.onnx, which runs once per frame, is quantized. The float32 files
+    are compared with PyTorch on noise before any file is moved to `folder`.
 
     Parameters
     ----------
@@ -52,6 +52,7 @@ def export_network(
     network : str
         Name of the expected network.
     precision : {"f32", "int8"}
+        Precision of search.onnx.
     images : sequence of (H, W, 3) uint8 BGR
         Images for the calibration of an int8 network.
 
@@ -91,7 +92,7 @@ def export_network(
 
 
 def relative_difference(actual: Tensor, expected: Tensor) -> float:
-    """Largest difference of two arrays, relative to the largest magnitude of the second."""
+    """Largest difference of two arrays of one shape, relative to the largest |expected|."""
     return float(np.abs(actual - expected).max() / max(np.abs(expected).max(), 1e-12))
 
 
@@ -117,7 +118,7 @@ def _write_pieces(checkpoint: Checkpoint, folder: Path) -> tuple[str, ...]:
 def _run_on_noise(
     network: SiameseNetwork, pieces: Mapping[str, Network]
 ) -> dict[str, tuple[list[Tensor], list[Tensor]]]:
-    """Inputs and outputs of the pieces, run on crops of noise and on each other's outputs."""
+    """Inputs and outputs of each piece, run on crops of noise and on other pieces' outputs."""
     random = np.random.default_rng(0)
     template, search = (
         random.integers(0, 256, shape).astype(np.float32)
@@ -143,7 +144,7 @@ def _center(features: Tensor, shape: tuple[int, ...]) -> Tensor:
 
 
 def _quantize_search(folder: Path, images: Sequence[Any], *, rgb: bool) -> None:
-    """Replace the search piece by an int8 one."""
+    """Replace the search piece with its int8 version."""
     template = OpenVinoNetwork(folder / "template.onnx", cached=False)
     path, exact = folder / "search.onnx", folder / "search-f32.onnx"
     path.rename(exact)

@@ -1,4 +1,4 @@
-"""Files of networks: checks of their first bytes, digests, and the cache folder."""
+"""Network files: checks of their first bytes, digests, and the cache folder."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cache_folder() -> Path:
 
 
 def sha256(path: Path) -> str:
-    """Digest of a file's bytes, 64 hexadecimal digits."""
+    """SHA-256 digest of a file's bytes, 64 hexadecimal digits."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while chunk := file.read(_CHUNK):
@@ -42,9 +42,9 @@ def sha256(path: Path) -> str:
 
 
 def fingerprint(paths: Iterable[Path], key: str) -> str:
-    """32 digits that change with the files' names, sizes or times, or with `key`.
+    """A digest of the files' names, sizes and modification times, and of `key`.
 
-    The files are not read.
+    It has 32 hexadecimal digits. The files themselves are not read.
     """
     stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
     return hashlib.sha256(f"{stats} {key}".encode()).hexdigest()[:32]

@@ -1,4 +1,4 @@
-"""Networks from a single .onnx file, or in pieces from a checkpoint or an exported folder."""
+"""Loading networks: from an .onnx file, or in pieces from a checkpoint or an exported folder."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["Pieces", "load_network", "load_pieces"]
 Pieces: TypeAlias = dict[str, Network]
 
 _LOG = logging.getLogger(__name__)
-_MIN_SHARED_BYTES: Final = 50_000_000  # size of an .onnx file from which sharing weights pays
-_DIGITS: Final = 16  # of a checkpoint's digest, in the name of its exported folder
+_MIN_SHARED_BYTES: Final = 50_000_000  # size of an .onnx file from which weights are shared
+_DIGITS: Final = 16  # digits of a checkpoint's digest in the name of its exported folder
 
 
 def load_network(
@@ -32,18 +32,24 @@ def load_network(
     precision: Precision = "f32",
     device: DeviceName | None = None,
 ) -> Network:
-    """The network of an .onnx file.
+    """Load the network of an .onnx file.
 
-    For the same file, float32 outputs of the runtimes differ by less than a thousandth of an
+    The runtimes' float32 outputs for the same file differ by less than a thousandth of the
     output's largest magnitude.
 
     Parameters
     ----------
     path : Path
+        The .onnx file.
     input_shape : tuple of int, optional
         Replaces the shape of the first input.
     runtime, threads, precision, device
-        As for `RuntimeOptions`.
+        As in `RuntimeOptions`.
+
+    Returns
+    -------
+    Network
+        Compiled, with fixed input shapes.
 
     Raises
     ------
@@ -70,10 +76,10 @@ def load_network(
 
 
 def load_pieces(weights: Path, network: str, options: RuntimeOptions) -> Pieces:
-    """The pieces of a network by name: template, search, and refine for masks.
+    """Load the pieces of a network: template, search, and refine for masks.
 
     PyTorch runs a .pth file directly. For the other runtimes it is exported once to the user's
-    cache folder, under its digest; afterwards PyTorch is not needed.
+    cache folder, in a folder named after its digest; after that PyTorch is not needed.
 
     Parameters
     ----------
@@ -83,6 +89,11 @@ def load_pieces(weights: Path, network: str, options: RuntimeOptions) -> Pieces:
     network : str
         Name of the expected network.
     options : RuntimeOptions
+
+    Returns
+    -------
+    dict of str to Network
+        The pieces by name.
 
     Raises
     ------
@@ -134,9 +145,10 @@ def _load_export(folder: Path, network: str, options: RuntimeOptions) -> Pieces:
 
 
 def _load_shared(paths: Mapping[str, Path], manifest: Manifest, options: RuntimeOptions) -> Pieces:
-    """The large pieces, which have the same backbone, with its weights in memory once.
+    """The large pieces, loaded with one copy of the backbone's weights in memory.
 
-    Empty on other runtimes than OpenVINO, and for int8, whose search piece has other weights.
+    Empty for runtimes other than OpenVINO, and for int8, where the weights of the search piece
+    differ.
     """
     if options.runtime != "openvino" or manifest.precision == "int8":
         return {}
@@ -156,7 +168,7 @@ def _load_shared(paths: Mapping[str, Path], manifest: Manifest, options: Runtime
 
 
 def _arithmetic(options: RuntimeOptions) -> Precision:
-    """Precision to compile with; an int8 file has its quantized layers in it."""
+    """Precision to compile with; in an int8 file the layers are already quantized."""
     return "bf16" if options.precision == "bf16" else "f32"
 
 

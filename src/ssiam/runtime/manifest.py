@@ -34,16 +34,17 @@ class Manifest:
     name : str
         Name of the tracker for which it was exported.
     network : str
+        Name of the network.
     sha256 : str
         Digest of the source file, 64 hexadecimal digits.
     pieces : tuple of str
         Names of the .onnx files without the suffix: template, search, and refine for masks.
     precision : {"f32", "int8"}
-        Of `search`; the other pieces are float32.
+        Precision of the search piece; the other pieces are float32.
     opset : int
         Version of the ONNX operator set.
     ssiam : str
-        Version of this package that exported it.
+        Version of this package that wrote the export.
     """
 
     name: str
@@ -72,22 +73,22 @@ class Manifest:
 
     @property
     def cache_key(self) -> str:
-        """A text that changes with every field.
+        """A text with the values of all fields.
 
-        Names of files in users' cache folders depend on it, so its form must not change.
+        Names of files in users' cache folders depend on it, so its format must not change.
         """
         fields = ", ".join(f"{name}={value!r}" for name, value in asdict(self).items())
         return f"Exported({fields})"
 
     def write(self, folder: Path) -> None:
-        """Store the manifest; it must be the last file written to a folder."""
+        """Write the manifest to a folder; it must be the last file written there."""
         (folder / MANIFEST_FILE).write_text(json.dumps(asdict(self), indent=2) + "\n")
 
 
 def move_export(source: Path, folder: Path, files: Iterable[str]) -> None:
-    """Move files from `source`, on the same file system, to `folder`, the manifest last.
+    """Move files from `source` to `folder`, on the same file system; the manifest last.
 
-    A folder without a manifest is incomplete. Raises `OSError`.
+    A folder without a manifest is incomplete. Raises `OSError` if a file cannot be moved.
     """
     (folder / MANIFEST_FILE).unlink(missing_ok=True)
     for file in (*files, MANIFEST_FILE):

@@ -1,4 +1,4 @@
-"""The weights that the authors of the trackers publish, and where."""
+"""The weights published by the trackers' authors, and their sources."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["MODEL_ZOO", "PublishedWeights"]
 
 @dataclass(frozen=True)
 class PublishedWeights:
-    """A file of weights, as its authors publish it.
+    """A file of weights published by its authors.
 
     Threads: a value; any number of threads may share it.
 
@@ -27,7 +27,7 @@ class PublishedWeights:
     folder : str
         Name of the folder for imported weights, which is the name of a tracker that uses the file.
     size : str
-        As stated at the source.
+        Size of the file, as stated at the source.
     """
 
     network: str

@@ -47,7 +47,7 @@ class Network(Protocol):
 
     @property
     def convolution_count(self) -> int:
-        """Number of convolutions, which distinguishes networks with the same input shapes."""
+        """Number of convolutions; it distinguishes networks with the same input shapes."""
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
         """New output arrays for float32 inputs."""
@@ -65,8 +65,8 @@ class RuntimeOptions:
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "f16", "int8"}
-        Of the arithmetic; `PRECISIONS` lists those of each runtime. "int8" needs files that were
-        exported in int8. Inputs and outputs are float32 in any case.
+        Precision of the arithmetic; `PRECISIONS` lists those of each runtime. "int8" needs files
+        that were exported in int8. Inputs and outputs are always float32.
     device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
         `DEVICES` lists those of each runtime; None is the CPU.
 

@@ -1,4 +1,4 @@
-"""Networks on ONNX Runtime: on a CPU, or on the devices of its other builds."""
+"""Networks on ONNX Runtime, on a CPU or on a device that the installed build supports."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _PROVIDERS: Final[dict[DeviceName, str]] = {
     "tensorrt": "TensorrtExecutionProvider",
     "coreml": "CoreMLExecutionProvider",
 }
-_BUILDS: Final = {"coreml": "onnxruntime on macOS"}  # the others are in onnxruntime-gpu
-_ERRORS_ONLY: Final = 3  # severity from which it logs to standard error
+_BUILDS: Final = {"coreml": "onnxruntime on macOS"}  # for other devices: onnxruntime-gpu
+_ERRORS_ONLY: Final = 3  # lowest severity that is logged to standard error
 _STATE: Final = ort.capi.onnxruntime_pybind11_state
 _LOAD_ERRORS: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, RuntimeError)
 
 
 class OnnxRuntimeNetwork(SharedOnCopy):
-    """An ONNX file in an ONNX Runtime session.
+    """The network of an ONNX file in an ONNX Runtime session.
 
     Threads: may be called from any number at once; a session keeps nothing between calls.
 
@@ -112,7 +112,7 @@ class OnnxRuntimeNetwork(SharedOnCopy):
         return [np.asarray(each, dtype=np.float32) for each in results]
 
     def _check_input_shape(self, path: Path, shape: tuple[int, ...]) -> None:
-        """Run once: only then does ONNX Runtime refuse a shape that does not fit the weights."""
+        """Run once: ONNX Runtime refuses a shape that does not fit the weights only then."""
         try:
             self(*[np.zeros(each, np.float32) for each in self.input_shapes])
         except _LOAD_ERRORS as error:

@@ -41,7 +41,7 @@ _MIN_CACHED_BYTES: Final = 8_000_000  # size of an .onnx file; smaller ones comp
 
 
 class OpenVinoNetwork(SharedOnCopy):
-    """An ONNX file compiled for this CPU.
+    """The network of an ONNX file, compiled for this CPU.
 
     Threads: may be called from any number at once; each call has its own inference request.
 
@@ -54,13 +54,14 @@ class OpenVinoNetwork(SharedOnCopy):
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "int8"}
-        "bf16" needs a CPU with AVX-512 or AMX instructions for it; on others the network runs in
-        float32 and a warning is logged. "int8" needs a file that was exported in int8; its other
-        layers run in float32.
+        "bf16" needs a CPU with AVX-512 or AMX instructions for it; on other CPUs the network runs
+        in float32 and a warning is logged. "int8" needs a file that was exported in int8; layers
+        that are not quantized run in float32.
     cached : bool
         Cache a large compiled network in the user's cache folder, if that can be written.
     model : openvino.Model, optional
-        The content of the file, if it has been read. The compiled network is not cached then.
+        The content of the file, if it has already been read. The compiled network is then not
+        cached.
 
     Raises
     ------
@@ -100,7 +101,7 @@ class OpenVinoNetwork(SharedOnCopy):
         }
         cached = cached and path.stat().st_size >= _MIN_CACHED_BYTES
         self._compiled = _compile(model, settings, cached=cached)
-        # Requests not in use. One is added whenever more calls run at once than before.
+        # Requests not in use. One is created when more calls run at once than ever before.
         self._idle = deque([self._compiled.create_infer_request()])
 
     @property
@@ -140,7 +141,7 @@ def supports_bf16() -> bool:
 
 
 def _arithmetic(precision: Precision) -> str:
-    """OpenVINO's inference precision; float32 gives the same boxes on every CPU."""
+    """OpenVINO's inference precision; by default it would use bf16 on CPUs that support it."""
     if precision == "bf16" and not supports_bf16():
         _LOG.warning("this CPU has no bf16 arithmetic: the network runs in f32")
         return "f32"
@@ -170,19 +171,29 @@ def _read_model(path: Path) -> ov.Model:
 def load_with_shared_weights(
     paths: Sequence[Path], digest: str, threads: int = 1, precision: Precision = "f32"
 ) -> list[OpenVinoNetwork]:
-    """Networks that have most of their weights in common, with one copy of these in memory.
+    """Load networks that have most of their weights in common, with one copy in memory.
 
-    They are cached as one file in the user's cache folder. If that cannot be written, each network
-    is loaded separately.
+    They are cached as one model in the user's cache folder. If that cannot be written, each
+    network is loaded separately.
 
     Parameters
     ----------
     paths : sequence of Path
         The .onnx files.
     digest : str
-        Name of the cached file, different for different .onnx files.
+        Identifies the .onnx files; the cached file is named after it.
     threads, precision
-        As for `OpenVinoNetwork`, also the errors.
+        As in `OpenVinoNetwork`.
+
+    Returns
+    -------
+    list of OpenVinoNetwork
+        In the order of `paths`.
+
+    Raises
+    ------
+    WeightsError
+        As in `OpenVinoNetwork`.
     """
     try:
         joint = _read_joint_model(paths, cache_folder() / "openvino" / f"{digest}-{_VERSION}.xml")
@@ -198,7 +209,7 @@ def load_with_shared_weights(
 
 
 def _read_joint_model(paths: Sequence[Path], file: Path) -> ov.Model:
-    """The networks as one model, read from a file that is written if necessary."""
+    """The networks as one model, read from `file`, which is written first if necessary."""
     with suppress(RuntimeError):  # missing or damaged
         return CORE.read_model(file)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -222,15 +233,15 @@ def _join(models: Sequence[ov.Model]) -> ov.Model:
 
 
 def _extract(joint: ov.Model, number: int) -> ov.Model:
-    """The model of this number from the result of `_join`; its weights are shared."""
-    ends = [
+    """Model `number` of the result of `_join`; its weights are shared."""
+    results, parameters = (
         [node for node in nodes if node.get_friendly_name().startswith(f"{number}/")]
         for nodes in (joint.get_results(), joint.get_parameters())
-    ]
-    return ov.Model(*ends)
+    )
+    return ov.Model(results, parameters)
 
 
 def _return_freed_memory() -> None:
-    """Return memory that reading and compiling freed to the system; glibc keeps it otherwise."""
+    """Return the memory freed after reading and compiling to the system; glibc would keep it."""
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
         libc.malloc_trim(0)

@@ -1,4 +1,4 @@
-"""Networks on PyTorch, directly from the authors' checkpoints."""
+"""Networks on PyTorch, loaded from the authors' checkpoints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["load_torch_pieces", "read_network", "wrong_network_error"]
 
 
 def load_torch_pieces(weights: Path, network: str, options: RuntimeOptions) -> dict[str, Network]:
-    """The pieces of a checkpoint's network by name: template, search, and refine for masks.
+    """Load the pieces of a checkpoint's network: template, search, and refine for masks.
 
     Correlations are computed as convolutions, and tensors are in channels-last order.
 
@@ -27,6 +27,11 @@ def load_torch_pieces(weights: Path, network: str, options: RuntimeOptions) -> d
         Name of the expected network.
     options : RuntimeOptions
         Precision "f16" is half precision, for the devices cuda and mps.
+
+    Returns
+    -------
+    dict of str to Network
+        The pieces by name.
 
     Raises
     ------
@@ -71,7 +76,7 @@ def read_network(weights: Path, network: str) -> Checkpoint:
 
 
 def wrong_network_error(path: Path, found: str, expected: str) -> WeightsError:
-    """The error for valid weights of another network than the expected one."""
+    """The error for valid weights of a network other than the expected one."""
     return WeightsError(
         f"weights {path} are those of {found}, not of {expected}: "
         f"give a file of {expected}, or choose a tracker with {found}"

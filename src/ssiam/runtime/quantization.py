@@ -21,12 +21,12 @@ Feed: TypeAlias = list[Tensor]
 """Inputs of one run of a network, in order."""
 
 _TEMPLATE: Final = 127  # px, side of a template crop
-_CROPS: Final = 32  # number of calibration runs
-_TEMPLATE_SIZES: Final = (0.1, 0.4)  # range of the template region, in the shorter image side
-_HEAD: Final = "/head/"  # in names of layers after the correlation, which take little time
-_PER_CHANNEL_OPSET: Final = 13  # the first with scales per channel
-_PERCENTILE: Final = 99.99  # of a layer's values that are within its range
-_MAX_OFFSET: Final = 0.25  # of the target from the search region's center, in the region's side
+_CROPS: Final = 32  # calibration runs
+_TEMPLATE_SIZES: Final = (0.1, 0.4)  # side of the template region, in the shorter image side
+_HEAD: Final = "/head/"  # in the names of the layers after the correlation; they are fast
+_PER_CHANNEL_OPSET: Final = 13  # the first opset with scales per channel
+_PERCENTILE: Final = 99.99  # percentage of a layer's values within its range
+_MAX_OFFSET: Final = 0.25  # target to center of the search region, in the region's side
 
 
 def calibration_feeds(
@@ -36,19 +36,24 @@ def calibration_feeds(
     *,
     rgb: bool = False,
 ) -> list[Feed]:
-    """Inputs of the search piece: random search crops of the images, and the templates' kernels.
+    """Inputs of the search piece: random search crops of the images, and kernels of templates.
 
-    The result is the same for the same arguments.
+    The generator's seed is fixed: the same arguments give the same result.
 
     Parameters
     ----------
     template : Network
-        (1, 3, 127, 127) -> kernels.
-    search_shape : (N, 3, S, S)
-        Shape of the search piece's first input.
+        The template piece: (1, 3, 127, 127) -> kernels.
+    search_shape : tuple of int
+        Shape (N, 3, S, S) of the search piece's first input.
     images : sequence of (H, W, 3) uint8 BGR
     rgb : bool
         Whether the network takes RGB crops.
+
+    Returns
+    -------
+    list of Feed
+        Inputs of 32 runs: crops (N, 3, S, S) float32 in 0..255, then the kernels.
 
     Raises
     ------
@@ -77,9 +82,9 @@ def calibration_feeds(
 def quantize(source: Path, target: Path, feeds: Sequence[Feed]) -> None:
     """Write an .onnx file with int8 convolutions up to the correlation.
 
-    Depthwise convolutions stay in float32, because they lose the most accuracy. In a network with
-    depthwise convolutions the outputs of convolutions stay in float32 as well; in others they are
-    quantized, without which ONNX Runtime is not faster.
+    Depthwise convolutions stay in float32, because their quantization costs the most accuracy. In
+    a network with depthwise convolutions the outputs of convolutions stay in float32 as well. In
+    other networks they are quantized, because ONNX Runtime is not faster otherwise.
 
     The range of a layer contains nearly all values of the calibration runs. Weights have a scale
     per channel and 7 bits, because CPUs without AVX-512 VNNI add two 8-bit products in 16 bits.
@@ -116,7 +121,7 @@ def quantize(source: Path, target: Path, feeds: Sequence[Feed]) -> None:
     depthwise = _depthwise_layers(model.graph)
     logging.getLogger().addFilter(_is_not_advice)
     try:
-        with redirect_stdout(None):  # it prints its settings
+        with redirect_stdout(None):  # quantize_static prints its settings
             quantize_static(
                 model,
                 str(target),
@@ -152,7 +157,7 @@ def _read_per_channel(path: Path) -> Any:
 
 
 def _depthwise_layers(graph: Any) -> list[str]:
-    """Names of the depthwise convolutions, whose kernels have one input channel."""
+    """Names of the depthwise convolutions: their kernels have one input channel."""
     input_channels = {w.name: w.dims[1] for w in graph.initializer if len(w.dims) == 4}
     convolutions = [node for node in graph.node if node.op_type == "Conv"]
     return [
@@ -168,7 +173,7 @@ def _head_layers(graph: Any) -> list[str]:
 
 
 class _FeedReader:
-    """The feeds in the form of ONNX Runtime's `CalibrationDataReader`."""
+    """The feeds with the interface of ONNX Runtime's `CalibrationDataReader`."""
 
     def __init__(self, graph: Any, feeds: Sequence[Feed]) -> None:
         constants = {weight.name for weight in graph.initializer}
@@ -180,7 +185,7 @@ class _FeedReader:
         return len(self._feeds)
 
     def set_range(self, start_index: int, end_index: int) -> None:
-        """Continue with this range of the feeds."""
+        """Restrict `get_next` to this range of the feeds."""
         self._remaining = iter(self._feeds[start_index:end_index])
 
     def get_next(self) -> dict[str, Tensor] | None:
@@ -190,12 +195,12 @@ class _FeedReader:
 
 
 def _is_not_advice(record: logging.LogRecord) -> bool:
-    """Drop ONNX Runtime's advice to preprocess the model, which the user cannot follow."""
+    """A log filter: drops ONNX Runtime's advice to preprocess the model."""
     return "pre-process" not in record.getMessage()
 
 
 def _crop(image: Any, center_xy: Any, side: float, out: int) -> Tensor:
-    """A square of an image as network input (1, 3, out, out), gray outside the image."""
+    """A square of an image as a network input (1, 3, out, out), gray outside the image."""
     scale = side / out
     left, top = center_xy - side / 2
     image_from_crop = np.array([[scale, 0, left], [0, scale, top]])

@@ -1,7 +1,7 @@
 """Anchor boxes of SiamRPN and SiamMask, and the boxes decoded from them.
 
-SiamRPN (Li et al., CVPR 2018, section 3.3) predicts four numbers for each anchor; the shapes and
-their rounding are pysot's.
+SiamRPN (Li et al., CVPR 2018, section 3.3) predicts four numbers for each anchor. The anchors'
+shapes and their rounding are those of pysot.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def response_side(instance: int, base: int) -> int:
     instance : int
         Side of the search crop, pixels (INSTANCE_SIZE of pysot).
     base : int
-        Cells that the network's padding adds (BASE_SIZE of pysot).
+        Number of cells that the network's padding adds (BASE_SIZE of pysot).
     """
     return (instance - TEMPLATE_SIDE) // STRIDE + 1 + base
 
@@ -60,7 +60,7 @@ def decode(loc: Tensor, anchors: Floats) -> Floats:
     Returns
     -------
     (4, 5 * n * n) float64
-        cx, cy, w, h in the same pixels as the anchors, with the reference's single precision.
+        cx, cy, w, h in the same pixels as the anchors, computed in single precision as in pysot.
     """
     dx, dy, dw, dh = loc[0].reshape(4, -1)
     x, y, w, h = anchors.astype(np.float32)
@@ -69,13 +69,13 @@ def decode(loc: Tensor, anchors: Floats) -> Floats:
 
 
 def cell_of(index: int, side: int) -> tuple[int, int]:
-    """Row and column of the cell that candidate `index` belongs to."""
+    """Row and column of the cell of candidate `index`, in a response map of side * side cells."""
     row, column = divmod(index % (side * side), side)
     return row, column
 
 
 def _shapes() -> list[tuple[int, int]]:
-    """Width and height of the five anchors, truncated to whole numbers where pysot does so."""
+    """Width and height of the five anchors, with the truncations to whole numbers of pysot."""
     shapes = []
     for ratio in _RATIOS:
         w = int(np.sqrt(STRIDE * STRIDE / ratio))

@@ -14,8 +14,8 @@ class ViewTracker(Protocol):
 
     Threads: one thread at a time for each object; an object and its clones may run at once.
 
-    All boxes are in the view's stabilized pixels, so that a tracker does not depend on how its
-    frames are stabilized.
+    All boxes are in the view's stabilized pixels: a tracker does not know how its frames are
+    stabilized.
     """
 
     @property
@@ -30,7 +30,7 @@ class ViewTracker(Protocol):
         """Score (0..1) up to which a second search in the same frame is worth its cost."""
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
-        """Take the object in `xywh` as the target, instead of any other."""
+        """Take the object in `xywh` as the target; an earlier target is dropped."""
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, searched around its last box."""

@@ -1,8 +1,7 @@
-"""`BlankFrameDetector`: finds frames in which there is nothing to track.
+"""`BlankFrameDetector`: finds frames that show nothing to track.
 
-A black, white or torn frame carries no evidence, but a network returns a box for it all the same:
-the box drifts, its size shrinks, and the running statistics of the score are corrupted. Such a
-frame is not passed to the tracker at all.
+A network returns a box for a black, white or torn frame too: the box drifts, its size shrinks, and
+the running mean of the score is corrupted. Such frames are therefore not passed to the tracker.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import XYWH, Image
 
-_REACH: Final = 1.5  # longer sides of the box that the checked area extends beyond it
+_REACH: Final = 1.5  # margin of the checked area around the box, in longer sides of the box
 _SAMPLES: Final = 16  # samples along each side of the checked area
-_PIXELS_PER_SAMPLE: Final = 4  # pixels along each side that are averaged into a sample
-_FLAT: Final = 6  # gray levels between the samples of a flat area, at most
+_PIXELS_PER_SAMPLE: Final = 4  # pixels along each side that are averaged into one sample
+_FLAT: Final = 6  # gray levels, maximum range of the samples of a flat area
 _ROWS: Final = 48  # rows of the frame that are compared with the row below
-_COLUMNS: Final = 96  # columns in which they are compared
+_COLUMNS: Final = 96  # columns of these rows that are compared
 _ROW_DISTANCE: Final = 4  # px between two compared rows
-_SAME_ROW: Final = 4  # gray levels between two rows that a decoder has repeated, at most
-_COVERED: Final = 0.4  # share of the box on torn rows from which it is not visible
-_PATIENCE: Final = 25  # frames after which torn rows are accepted as part of the scene
+_SAME_ROW: Final = 4  # gray levels, maximum difference of two rows that a decoder has repeated
+_COVERED: Final = 0.4  # share of torn rows in the box from which the target is not visible
+_PATIENCE: Final = 25  # blank frames after which torn rows are accepted as part of the scene
 
 
 class BlankFrameDetector:
-    """Checks one frame after the other, for one target.
+    """Finds blank frames in the video of one target.
 
     Parameters
     ----------
@@ -37,11 +36,11 @@ class BlankFrameDetector:
     """
 
     def __init__(self, frame: Image) -> None:
-        self._constant_rows = _constant_rows(frame)  # of the last frame that was not blank
+        self._repeated_rows = _repeated_rows(frame)  # of the last frame that was not blank
         self._frames_blank = 0  # consecutive frames before this one
 
     def is_blank(self, frame: Image, xywh: XYWH, *, lost: bool) -> bool:
-        """Whether `frame` is blank around the box `xywh`; call it once for each frame.
+        """Whether `frame` is blank around the box `xywh`; to be called once for each frame.
 
         Parameters
         ----------
@@ -49,18 +48,18 @@ class BlankFrameDetector:
         xywh : (x, y, w, h)
             Raw-frame pixels.
         lost : bool
-            Whether the target is lost. It may be anywhere then, so that the frame is flat only if
-            all of it is.
+            Whether the target is lost. It may then be anywhere, so a frame is blank only if it is
+            flat everywhere.
         """
         if _is_flat(frame, None if lost else xywh):
             self._frames_blank += 1
             return True
-        constant = _constant_rows(frame)
-        torn = constant & ~self._constant_rows
+        repeated = _repeated_rows(frame)
+        torn = repeated & ~self._repeated_rows
         if torn.any() and self._frames_blank < _PATIENCE:
             self._frames_blank += 1
             return _is_covered(torn, frame.shape[0], xywh)
-        self._constant_rows, self._frames_blank = constant, 0
+        self._repeated_rows, self._frames_blank = repeated, 0
         return False
 
 
@@ -74,7 +73,7 @@ def _is_flat(frame: Image, xywh: XYWH | None) -> bool:
         left, right = (int(np.clip(edge, 0, width)) for edge in (x - reach, x + w + reach))
         top, bottom = (int(np.clip(edge, 0, height)) for edge in (y - reach, y + h + reach))
         if right - left < _SAMPLES or bottom - top < _SAMPLES:
-            return False  # too little of the area is in the frame
+            return False  # too small a part of the area is in the frame
     step_x, step_y = (
         max((end - start) // (_SAMPLES * _PIXELS_PER_SAMPLE), 1)
         for start, end in ((left, right), (top, bottom))
@@ -85,7 +84,7 @@ def _is_flat(frame: Image, xywh: XYWH | None) -> bool:
     return bool(vertical_range <= _FLAT)
 
 
-def _constant_rows(frame: Image) -> NDArray[np.bool_]:
+def _repeated_rows(frame: Image) -> NDArray[np.bool_]:
     """Whether each compared row equals the one below it over the full width; (n,) bool."""
     step_y, step_x = max(len(frame) // _ROWS, 1), max(frame.shape[1] // _COLUMNS, 1)
     last = len(frame) - _ROW_DISTANCE
@@ -97,7 +96,7 @@ def _constant_rows(frame: Image) -> NDArray[np.bool_]:
 
 
 def _is_covered(torn_rows: NDArray[np.bool_], height: int, xywh: XYWH) -> bool:
-    """Whether too large a share of a box is on the torn rows (n,) of a frame."""
+    """Whether too large a share of a box is covered by the torn rows (n,) of a frame."""
     row_y = (np.arange(len(torn_rows)) + 0.5) * height / len(torn_rows)
     in_box = (row_y >= xywh[1]) & (row_y <= xywh[1] + xywh[3])
     if not in_box.any():

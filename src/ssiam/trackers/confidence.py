@@ -24,20 +24,20 @@ from ssiam.stabilize import FrameView
 
 Floats = NDArray[np.float64]
 
-# Of `box_feature`.
-_CORE: Final = 0.8  # share of the box's sides that is averaged: its edges are half background
+# For `box_feature`.
+_CORE: Final = 0.8  # central share of the box's sides that is averaged; the rest has background
 
-# Of `RunningBaseline`.
+# For `RunningBaseline`.
 _RATE: Final = 0.05  # weight of a new value in the running mean
-_RATE_CONFIDENT: Final = 0.2  # the same while the target is confidently tracked
-_OUTLIER: Final = 0.1  # below the mean: from here on a value is only averaged if confident
+_RATE_CONFIDENT: Final = 0.2  # the same if the tracker is confident
+_OUTLIER: Final = 0.1  # drop from which a value is added to the mean only if confident
 _TOLERANCE: Final = 0.05  # smaller drops are ignored
 _MAX_DROP: Final = 0.2  # larger drops saturate
 
-# Of `AppearanceModel`.
-_SAMPLES: Final = 16  # along the geometric mean of the target's sides
-_MIN_SAMPLES, _MAX_SAMPLES = 6, 48  # along one side
-_OVERSAMPLING: Final = 2  # finer samples along each side that are averaged into one
+# For `AppearanceModel`.
+_SAMPLES: Final = 16  # number along the geometric mean of the target's sides
+_MIN_SAMPLES, _MAX_SAMPLES = 6, 48  # number along one side
+_OVERSAMPLING: Final = 2  # interpolated pixels along each side that are averaged into a sample
 _MAX_OFFSET: Final = 2  # samples by which a box may be displaced
 _MIN_DEVIATION: Final = 1.0  # gray levels, standard deviation of a usable template
 
@@ -63,16 +63,25 @@ class Confidence:
 
 
 class RunningBaseline:
-    """Running mean of a value while the target is tracked, and the drop of new values below it."""
+    """Running mean of a value of the tracked target, and the drop of new values below it."""
 
     def __init__(self) -> None:
         self._mean: float | None = None
 
-    def drop(self, value: float, confident: bool) -> float:
-        """Difference of a value to the baseline, 0 or negative; then the baseline is updated.
+    def update(self, value: float, confident: bool) -> float:
+        """The drop of a new value below the running mean, which is then updated.
 
-        Small drops are ignored, large drops saturate. A value far below the baseline is only
-        averaged into it if the tracker is `confident` by other evidence.
+        Parameters
+        ----------
+        value : float
+        confident : bool
+            Whether other evidence shows that the target is in the box. If not, a value far below
+            the mean does not change the mean.
+
+        Returns
+        -------
+        float
+            0 or negative. Small drops are ignored, large drops saturate.
         """
         if self._mean is None:
             self._mean = value
@@ -83,7 +92,7 @@ class RunningBaseline:
 
 
 def box_feature(features: Tensor, stride: float, box: Floats) -> Floats:
-    """Mean of a network's features in a box, as a unit vector (C,).
+    """Mean of a network's features in a box, scaled to a unit vector.
 
     Parameters
     ----------
@@ -92,6 +101,11 @@ def box_feature(features: Tensor, stride: float, box: Floats) -> Floats:
         Crop pixels between features.
     box : (4,) float64
         cx, cy, w, h in crop pixels from the crop's center.
+
+    Returns
+    -------
+    (C,) float64
+        Of length 1; zeros if all features are zero.
     """
     side = features.shape[-1]
     positions = (np.arange(side) - (side - 1) / 2) * stride
@@ -102,7 +116,7 @@ def box_feature(features: Tensor, stride: float, box: Floats) -> Floats:
 
 
 def _cells(positions: Floats, center: float, extent: float, stride: float) -> slice:
-    """The features inside of a box along one axis, at least the nearest one."""
+    """The slice of the features inside a box along one axis, at least the nearest feature."""
     reach = max(_CORE * extent / 2, stride / 2)
     first = int(np.searchsorted(positions, center - reach))
     last = int(np.searchsorted(positions, center + reach))
@@ -119,7 +133,7 @@ class AppearanceModel:
     ----------
     view : FrameView
     xywh : (x, y, w, h)
-        The target in it, stabilized pixels.
+        The target's box, stabilized pixels.
     """
 
     def __init__(self, view: FrameView, xywh: XYWH) -> None:
@@ -135,7 +149,10 @@ class AppearanceModel:
         self._recent = self._sampled(view, xywh, 0)
 
     def similarity(self, view: FrameView, xywh: XYWH) -> tuple[float, float]:
-        """Correlation -1..1 of the pixels in `xywh` with the first and the recent appearance."""
+        """Correlation (-1..1) of the pixels in `xywh` with the first and the recent appearance.
+
+        It is the maximum over displacements of up to two samples.
+        """
         first, recent = self._correlation_maps(self._sampled(view, xywh, _MAX_OFFSET))
         return float(first.max()), float(recent.max())
 

@@ -1,10 +1,10 @@
-"""`DistractorTracker`: similar objects next to the target.
+"""`DistractorTracker`: tracks objects that look like the target.
 
 In a single frame a distractor may match the template better than the target does, and a tracker
 that takes the best candidate of each frame switches to it. The positions distinguish the two:
 other peaks of the score map are tracked from frame to frame, and a peak that has had a lower
-score than the target for several frames is excluded, as long as something is visible at the
-target's position and the target's score has been high of late. (KeepTrack, Mayer et al.,
+score than the target for several frames is excluded, if there is a peak at the target's position
+and the target's recent scores are high. (KeepTrack, Mayer et al.,
 ICCV 2021, learns to associate such candidates; here only their positions are used.)
 """
 
@@ -23,14 +23,14 @@ from ssiam.trackers.siamese import Floats, TargetState
 Flags = NDArray[np.bool_]
 
 _MIN_PEAK: Final = 0.1  # score above which a local maximum is a peak
-_MAX_PEAKS: Final = 6  # peaks that are tracked
+_MAX_PEAKS: Final = 6  # number of peaks that are tracked
 _MAX_STEP: Final = 0.5  # target sizes that a distractor may move from frame to frame
 _SAME_OBJECT: Final = 0.4  # target sizes within which candidates belong to one object
-_MEMORY: Final = 0.8  # weight of the past in running scores
+_MEMORY: Final = 0.8  # weight of the past in running means of scores
 _MIN_FRAMES: Final = 3  # frames after which a tracked peak counts as a distractor
-_MIN_TARGET_SCORE: Final = 0.35  # the target's running score from which its position is trusted
-_MAX_RATIO: Final = 0.75  # a distractor's running score over the target's, at most
-_FORGET_BELOW: Final = 0.03  # running score below which a distractor is dropped
+_MIN_TARGET_SCORE: Final = 0.35  # mean score of the target from which its position is trusted
+_MAX_RATIO: Final = 0.75  # of a distractor's mean score to the target's
+_FORGET_BELOW: Final = 0.03  # mean score below which a distractor is dropped
 
 
 class _Distractor(NamedTuple):
@@ -54,7 +54,7 @@ class ScoredCandidates:
     peaks : list of int
         Indices of the highest local maxima, one for each object.
     is_distractor : (n,) bool
-        Candidates that belong to a distractor.
+        Whether each candidate belongs to a distractor.
     """
 
     positions_xy: Floats
@@ -64,15 +64,15 @@ class ScoredCandidates:
     is_distractor: Flags
 
     def distances(self, positions_xy: Floats, xy: Floats) -> Floats:
-        """Distances (n,) of positions (n, 2) from a point, in target sizes."""
+        """Distances (n,) of positions (n, 2) from a point (2,), in target sizes."""
         return np.asarray(np.linalg.norm(positions_xy - xy, axis=-1) / self.target_size)
 
 
 class DistractorTracker:
     """Tracks the distractors of one target by their positions in the view.
 
-    In a predicted view the target stays at its position, and so does what moves with it or,
-    under a shaking camera, with the scene.
+    In a predicted view, objects that move like the target keep their positions; if only the camera
+    shakes, so does the whole scene.
     """
 
     def __init__(self) -> None:
@@ -82,8 +82,8 @@ class DistractorTracker:
     def detect(self, positions_xy: Floats, score: Floats, last: TargetState) -> ScoredCandidates:
         """Find the candidates that belong to a known distractor.
 
-        There are none if the target is not visible at its position, or its running score is low:
-        one of the peaks may be the target.
+        There are none if no peak is at the target's position, or if the target's mean score is
+        low: one of the other peaks may then be the target.
 
         Parameters
         ----------
@@ -93,6 +93,11 @@ class DistractorTracker:
             0..1.
         last : TargetState
             Last or predicted state of the target, view pixels.
+
+        Returns
+        -------
+        ScoredCandidates
+            To be passed to `update`.
         """
         size = math.sqrt(math.prod(last.size_wh))
         flags = np.zeros(len(score), dtype=np.bool_)
@@ -104,9 +109,10 @@ class DistractorTracker:
             self._target_score >= _MIN_TARGET_SCORE
             and (from_target[candidates.peaks] < _SAME_OBJECT).any()
         ):
-            for known in self._distractors:
-                if known.frames >= _MIN_FRAMES and known.score < _MAX_RATIO * self._target_score:
-                    flags = flags | _candidates_of(known, candidates, from_target)
+            max_score = _MAX_RATIO * self._target_score
+            for distractor in self._distractors:
+                if distractor.frames >= _MIN_FRAMES and distractor.score < max_score:
+                    flags = flags | _candidates_of(distractor, candidates, from_target)
         return replace(candidates, is_distractor=flags)
 
     def update(self, candidates: ScoredCandidates, best: int) -> None:
@@ -122,20 +128,20 @@ class DistractorTracker:
             if candidates.distances(xy, target_xy) < _SAME_OBJECT:
                 continue
             nearest = min(
-                unmatched, key=lambda known: candidates.distances(known.xy, xy), default=None
+                unmatched, key=lambda other: candidates.distances(other.xy, xy), default=None
             )
             if nearest is None or candidates.distances(nearest.xy, xy) > _MAX_STEP:
                 matched.append(_Distractor(xy, score, 1))
             else:
-                unmatched = [known for known in unmatched if known is not nearest]
+                unmatched = [other for other in unmatched if other is not nearest]
                 running = _running_mean(nearest.score, score)
                 matched.append(_Distractor(xy, running, nearest.frames + 1))
-        hidden = (known._replace(score=_running_mean(known.score, 0.0)) for known in unmatched)
+        hidden = (other._replace(score=_running_mean(other.score, 0.0)) for other in unmatched)
         self._distractors = matched + [
-            known
-            for known in hidden
-            if known.score > _FORGET_BELOW
-            and candidates.distances(known.xy, target_xy) > _SAME_OBJECT
+            other
+            for other in hidden
+            if other.score > _FORGET_BELOW
+            and candidates.distances(other.xy, target_xy) > _SAME_OBJECT
         ]
 
 
@@ -153,13 +159,15 @@ def _peaks(positions_xy: Floats, score: Floats, target_size: float) -> list[int]
     return peaks[:_MAX_PEAKS]
 
 
-def _candidates_of(known: _Distractor, candidates: ScoredCandidates, from_target: Floats) -> Flags:
-    """Candidates (n,) of the peak next to a distractor; none if that is the target's peak.
+def _candidates_of(
+    distractor: _Distractor, candidates: ScoredCandidates, from_target: Floats
+) -> Flags:
+    """Candidates (n,) of the peak nearest to a distractor; none if that is the target's peak.
 
     `from_target` (n,) is each candidate's distance from the target, in target sizes.
     """
     positions_xy, peaks = candidates.positions_xy, candidates.peaks
-    steps = candidates.distances(positions_xy[peaks], known.xy)
+    steps = candidates.distances(positions_xy[peaks], distractor.xy)
     nearest = int(np.argmin(steps))
     peak = peaks[nearest]
     if steps[nearest] > min(_MAX_STEP, from_target[peak]):

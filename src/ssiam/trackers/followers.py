@@ -1,9 +1,9 @@
-"""Followers: how one target is tracked from frame to frame, depending on the stabilization.
+"""Followers: how one target is tracked from frame to frame with each kind of stabilization.
 
 A `Follower` handles each frame in two steps. `advance` takes the camera's motion to the frame and
-returns a `FrameStep`: the stabilizing transform and where the target will be searched. `locate`
-runs the tracker on that view. `StabilizedFollower` stabilizes as the paper does, or not at all;
-`PredictiveFollower` predicts the target's box, and searches for a lost target until it is
+returns a `FrameStep`: the stabilizing transform and the box around which the target is searched.
+`locate` runs the tracker on that view. `StabilizedFollower` stabilizes as the paper does, or not at
+all. `PredictiveFollower` predicts the target's box, and searches for a lost target until it is
 re-detected.
 """
 
@@ -23,20 +23,20 @@ from ssiam.track import Track
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.lost import LossDetector, ReachableBox
 
-_CONFIDENT: Final = 0.5  # score above which the target is taken to be in the box
+_CONFIDENT: Final = 0.5  # score above which the target is assumed to be in the box
 _CERTAIN: Final = 0.75  # score above which a box is accepted even if it is not reachable
-_LIKELY: Final = 0.25  # score above which the box is remembered as the target's last one
+_LIKELY: Final = 0.25  # score above which the box is stored as the target's last one
 # Offsets of the successive search positions, in units of the search's reach.
 _SEARCH_PATTERN: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
 _SEARCH_REACH: Final = (1.0, 4.0)  # target sizes: minimum and maximum
 _SEARCH_GROWTH: Final = 0.1  # target sizes per frame
-_DISTINCT: Final = 0.7  # target sizes between the positions of two different objects
-_SEARCH_DELAY: Final = 25  # frames for which a lost target is only followed, before the search
+_DISTINCT: Final = 0.7  # target sizes, minimum distance of two different objects
+_SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
 
 
 @dataclass(frozen=True, eq=False)
 class FrameStep:
-    """The step to one frame: how it is stabilized and where the target is searched in it.
+    """The step to one frame: its stabilizing transform, and where the target is searched in it.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class FrameStep:
     search_xywh : (x, y, w, h)
         The box around which the tracker searches, raw-frame pixels.
     predicted_xywh : (x, y, w, h) or None
-        The target's predicted box, raw-frame pixels; None where nothing is predicted.
+        The target's predicted box, raw-frame pixels; None without a prediction.
     """
 
     motion: Motion | None
@@ -63,20 +63,21 @@ class FrameStep:
 class Follower(Protocol):
     """Follows one target with a `ViewTracker`, in raw-frame pixels.
 
-    A follower is made with a tracker that has its target, a `StabilizerConfig`, the target's box in
-    raw-frame pixels and the target's `LossDetector`.
+    Its constructor takes a tracker that has a target, a `StabilizerConfig`, the target's box in
+    raw-frame pixels and the target's `LossDetector`. For each frame `advance` is called first, then
+    `locate` or `hold` with its result.
     """
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, reached by `motion`."""
 
     def locate(self, frame: Image, step: FrameStep) -> Track:
-        """The target in `frame`, which `step` has reached."""
+        """The target in `frame`; `step` is the result of `advance` for this frame."""
 
     def hold(self, step: FrameStep) -> Track:
-        """The target in the frame that `step` has reached, if that is blank.
+        """The target in a blank frame: the tracker does not run, and the box keeps its position.
 
-        The tracker does not run; the box keeps its position.
+        `step` is the result of `advance` for this frame.
         """
 
 
@@ -86,7 +87,7 @@ class StabilizedFollower:
     Parameters
     ----------
     tracker : ViewTracker
-        It has its target.
+        A tracker that has a target.
     config : StabilizerConfig
     xywh : (x, y, w, h)
         The target, raw-frame pixels.
@@ -138,7 +139,7 @@ class PredictiveFollower:
     Parameters
     ----------
     tracker : ViewTracker
-        It has its target.
+        A tracker that has a target.
     config : StabilizerConfig
     xywh : (x, y, w, h)
         The target, raw-frame pixels.
@@ -154,10 +155,10 @@ class PredictiveFollower:
         self._last_xywh = xywh  # the last likely box, moved along with the scene
         self._before_cut_xywh = xywh  # the same before the last cut
         self._reachable = ReachableBox(xywh)
-        self._is_redetected = False  # the last search has found the target
-        # Displacement of the target over the blank frames before this one, if its speed was known.
+        self._is_redetected = False  # the last frame had a confident and plausible track
+        # Expected displacement over the preceding blank frames of a target of known speed.
         self._gap_shift_xy: tuple[float, float] | None = None
-        self._tracker_is_elsewhere = False  # the tracker's box is not the one last reported
+        self._tracker_is_elsewhere = False  # the tracker's last box is not the reported one
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, and predict the target's box in it.
@@ -165,14 +166,14 @@ class PredictiveFollower:
         Raises
         ------
         ArgumentError
-            No motion is given.
+            `motion` is None.
         """
         if motion is None:
             raise ArgumentError('no motion given: stabilize="predict" needs that of each frame')
         self._reachable.advance(motion)
         if motion.reliable:
             self._last_xywh = map_box(motion.cur_from_prev, self._last_xywh)
-        elif not self._loss.lost:  # a cut: the video may come back to the same scene
+        elif not self._loss.lost:  # a cut: the video may return to this scene later
             self._before_cut_xywh = self._last_xywh
         predicted = self._prediction.update(motion)
         return FrameStep(motion, self._prediction.stab_from_raw, predicted, predicted)
@@ -214,7 +215,10 @@ class PredictiveFollower:
         return self._loss.frames_lost >= _SEARCH_DELAY and self._tracker.can_seek
 
     def _track(self, view: FrameView, search_xywh: XYWH) -> Track:
-        """The tracker's result; if its score is very low, that of a second search."""
+        """The tracker's result, or a second search's if that has the higher score.
+
+        The second search is only made if the first score is very low.
+        """
         if self._tracker_is_elsewhere:
             first = self._seek(view, search_xywh)
         else:
@@ -234,9 +238,10 @@ class PredictiveFollower:
     def _after_gap(
         self, view: FrameView, track: Track, search_xywh: XYWH, shift_xy: tuple[float, float]
     ) -> Track:
-        """The better of `track` and a search where a moving target would be after a gap.
+        """The better of `track` and a search at the position of a target that kept its speed.
 
-        If there are similar objects at both positions the result is ambiguous: the score is 0.
+        The gap is a sequence of blank frames. If there are similar objects at both positions, the
+        result is ambiguous and the score is 0.
         """
         (x, y, w, h), size = search_xywh, math.sqrt(track.box[2] * track.box[3])
         if not self._loss.lost or math.hypot(*shift_xy) < _DISTINCT * size:
@@ -252,10 +257,10 @@ class PredictiveFollower:
         return replace(track, score=0.0)
 
     def _search(self, view: FrameView, predicted_xywh: XYWH) -> tuple[Track, XYWH]:
-        """A lost target at its predicted box, or else at the next position of the search.
+        """Search a lost target at its predicted box, and then at the next search position.
 
-        Also returns the box found around the prediction, which is reported while the target stays
-        lost.
+        Returns the chosen track, and the box found around the prediction, which is reported while
+        the target is lost.
         """
         predicted = self._seek(view, predicted_xywh)
         if predicted.score > _LIKELY and self._is_plausible(predicted):
@@ -284,13 +289,13 @@ class PredictiveFollower:
         self._prediction.observe(track.box, track.score)
 
     def _is_plausible(self, track: Track) -> bool:
-        """Whether the target can have the box, or the score is high enough to accept it anyway."""
+        """Whether the target can have this box, or the score is high enough to accept any box."""
         return track.score > _CERTAIN or self._reachable.contains(track.box)
 
     def _search_box(self, frames_lost: int) -> XYWH:
         """The box around which a lost target is searched in this frame."""
         x, y, w, h = self._before_cut_xywh if frames_lost % 4 == 2 else self._last_xywh
-        least, most = _SEARCH_REACH
-        reach = min(least + _SEARCH_GROWTH * frames_lost, most) * math.sqrt(w * h)
+        min_reach, max_reach = _SEARCH_REACH
+        reach = min(min_reach + _SEARCH_GROWTH * frames_lost, max_reach) * math.sqrt(w * h)
         dx, dy = _SEARCH_PATTERN[frames_lost % len(_SEARCH_PATTERN)]
         return x + dx * reach, y + dy * reach, w, h

@@ -25,17 +25,17 @@ class TrackerGroup(NotPicklable):
     Threads: one thread at a time for the group and its trackers; several groups may run at once.
 
     The camera's motion is estimated once per frame, with all targets excluded, and the trackers
-    share their networks. A group can be copied if its trackers can, and not pickled.
+    share their networks. A group can be copied if its trackers can. It cannot be pickled.
 
     Parameters
     ----------
     tracker : StabilizedTracker
-        The group's trackers are clones of it.
+        Prototype: the group's trackers are clones of it.
     keep_going : bool
-        Whether `update` continues if a tracker raises. Its target then counts as lost in this
-        frame, at its last box, and is tried again in the next one; `failures` has the error.
-        Likewise, if the motion estimate raises, the motion to this frame is unreliable. A frame
-        of another size always raises `FrameSizeError`.
+        Whether `update` continues if a tracker raises. Its target is then reported as lost at its
+        last box, `failures` has the error, and the tracker runs again in the next frame. If the
+        motion estimate raises, the motion to this frame is unreliable. A frame of another size
+        always raises `FrameSizeError`.
 
     Attributes
     ----------
@@ -62,10 +62,20 @@ class TrackerGroup(NotPicklable):
         self.camera_failure: Exception | None = None
 
     def init(self, frame: Image, boxes: Sequence[Sequence[float]]) -> None:
-        """Take the objects in `boxes` (x, y, w, h) of `frame` as the targets, and no others.
+        """Take the objects in `boxes` of `frame` as the targets; earlier targets are dropped.
 
-        The list may be empty if targets `join` later. If one box is refused, with an error of
-        `StabilizedTracker.init`, the group keeps its former targets.
+        If an argument is refused, the group keeps its earlier targets.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8 BGR
+        boxes : sequence of (x, y, w, h)
+            Raw-frame pixels. May be empty if targets `join` later.
+
+        Raises
+        ------
+        ValueError
+            `boxes` is not a list of boxes, or `StabilizedTracker.init` refuses the frame or a box.
         """
         size_wh = check_frame(frame)
         trackers = []
@@ -79,17 +89,23 @@ class TrackerGroup(NotPicklable):
         self._camera, self.motion = camera, motion
 
     def new_tracker(self) -> StabilizedTracker:
-        """A tracker of the group's kind without a target, to `join` once it has one."""
+        """A tracker of the group's kind without a target. Call its `init` before `join`."""
         return self._prototype.clone()
 
     def join(self, tracker: StabilizedTracker, box: Sequence[float]) -> None:
-        """Add the target of `tracker`, which is in `box` of the last frame.
+        """Add the target of `tracker`.
+
+        Parameters
+        ----------
+        tracker : StabilizedTracker
+        box : (x, y, w, h)
+            The target's box in the last frame, raw-frame pixels.
 
         Raises
         ------
         ValueError
-            The group has not been given a frame yet, the tracker has no target, a different
-            stabilization or is in the group already, or the box has the wrong form.
+            The group has no frame yet, `tracker` has no target, has another stabilization or is
+            already in the group, or the box does not have the form (x, y, w, h).
         """
         self._checked_size_wh()
         xywh = xywh_floats(box)
@@ -114,9 +130,19 @@ class TrackerGroup(NotPicklable):
         self._exclude = [*self._exclude[:index], *self._exclude[index + 1 :]]
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
-        """Stabilize by `config` from now on; `frame` is the last one.
+        """Stabilize by `config` from now on.
 
-        With `keep_going`, `failures` has the trackers that fail, which should `leave`.
+        Parameters
+        ----------
+        config : StabilizerConfig
+        frame : (H, W, 3) uint8 BGR
+            The last frame that was given to the group.
+
+        Raises
+        ------
+        ValueError
+            As in `StabilizedTracker.switch`. With `keep_going` errors of the trackers are in
+            `failures` instead; these trackers should `leave`.
         """
         check_frame(frame, self._size_wh)
         failures: dict[int, Exception] = {}
@@ -130,12 +156,14 @@ class TrackerGroup(NotPicklable):
     def update(self, frame: Image, following: Image | None = None) -> list[Track]:
         """The targets in the next frame, in the order of their boxes; raw-frame pixels.
 
-        `following` is the frame after this one, if it is available. For it and for the errors
-        see `StabilizedTracker.update`.
+        Parameters
+        ----------
+        frame, following : (H, W, 3) uint8 BGR
+            As in `StabilizedTracker.update`, also the errors.
         """
         size_wh = self._checked_size_wh()
         check_frame(frame, size_wh)
-        ahead = following is not None and check_frame(following) == size_wh
+        can_prefetch = following is not None and check_frame(following) == size_wh
         failures: dict[int, Exception] = {}
         self.motion = motion = self._estimate_motion(frame, self._exclude)
         steps = [
@@ -143,14 +171,14 @@ class TrackerGroup(NotPicklable):
             for index, tracker in enumerate(self._trackers)
         ]
         predicted = [None if step is None else step.predicted_xywh for step in steps]
-        known = [box for box in predicted if box is not None]
+        exclude = [box for box in predicted if box is not None]
         if (
             self._camera is not None
-            and ahead
+            and can_prefetch
             and following is not None
-            and len(known) == len(predicted)
+            and len(exclude) == len(predicted)
         ):
-            self._camera.start(following, exclude=known)
+            self._camera.start(following, exclude=exclude)
         located = [
             None
             if step is None
@@ -170,7 +198,7 @@ class TrackerGroup(NotPicklable):
     def _attempt(
         self, failures: dict[int, Exception], index: int, work: Callable[[], Result]
     ) -> Result | None:
-        """The result of `work`; None if it raises, in which case the error is in `failures`."""
+        """The result of `work`. If it raises: None, with the error in `failures` at `index`."""
         try:
             return work()
         except FrameSizeError:

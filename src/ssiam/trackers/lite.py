@@ -1,9 +1,8 @@
-"""`LiteTracker`: the small anchor-free Siamese tracker trained here, with a mask of the target.
+"""`LiteTracker`: the default tracker, a small anchor-free Siamese tracker with masks.
 
-The loop is that of the Siamese trackers. The score of a cell is the probability that it is on the
-target, times the IoU that its box is expected to have. Unlike the references the loop has no
-asymmetry of half a pixel: centers are those of the boxes, x + w / 2, and positions in a crop
-count from its actual corner.
+The loop is that of the other Siamese trackers. The score of a cell is the probability that it is on
+the target, times the expected IoU of its box. The references' asymmetry of half a pixel is avoided:
+the center of a box is x + w / 2, and positions in a crop count from the crop's actual corner.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"
 SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
-_LOGIT_RANGE: Final = (-8.0, 8.0)  # the evidence is clipped to it
+_LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
 # From benchmarks/calibration/search_parameters.py, on videos left out of training.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.1, lr=0.6)
@@ -75,9 +74,9 @@ class LiteNetworks:
         Raises
         ------
         WeightsError
-            They are missing, damaged or of another network.
+            The weights are missing, damaged or of another network.
         ArgumentError
-            They do not run with these options.
+            The runtime is "torch" or the precision "int8".
         """
         from ssiam.runtime.loading import load_pieces
 
@@ -101,7 +100,7 @@ class _Target:
 
 
 class LiteTracker(SiameseTracker[_Target]):
-    """The loop of the default tracker.
+    """The loop of `lite`.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
@@ -114,8 +113,8 @@ class LiteTracker(SiameseTracker[_Target]):
     masks : bool
         Whether tracks have masks and rotated boxes.
     mask_threshold : float
-        Probability above which a pixel belongs to the target: less than a half, since the IoU of
-        masks is best if uncertain pixels are included.
+        Probability above which a pixel belongs to the target. The default is below one half: the
+        IoU of masks is best if uncertain pixels are included.
     """
 
     def __init__(

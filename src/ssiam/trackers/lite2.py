@@ -1,8 +1,6 @@
 """`Lite2Tracker`: the loop of the second `lite` network, with a memory of a recent template.
 
-The loop is that of the Siamese trackers. The score of a cell is the probability that it is on the
-target, times the IoU that its box is expected to have. Centers are those of the boxes,
-x + w / 2, and positions in a crop count from its actual corner, as in `ssiam.trackers.lite`.
+The score of a cell and the positions of boxes are defined as in `ssiam.trackers.lite`.
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ from ssiam.trackers.siamese import (
 SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between cells
 _SIDE: Final = 15  # cells
-_LOGIT_RANGE: Final = (-8.0, 8.0)  # the evidence is clipped to it
+_LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
 PARAMETERS: Final = SearchParameters(penalty_k=0.138, window_influence=0.3, lr=0.4)
 CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
@@ -51,18 +49,18 @@ class Memory:
 
     Attributes
     ----------
-    every : int
-        Minimum number of frames between two replacements; 0 for the first template only.
-    score : float
-        Minimum score 0..1 of the chosen cell.
-    alone : float
-        Share 0..1 of that score from which a cell outside of the target's box, which may be a
-        distractor, prevents the replacement.
+    interval : int
+        Minimum number of frames between two replacements; 0 to keep the first template.
+    min_score : float
+        Minimum score of the chosen cell, 0..1.
+    max_distractor_share : float
+        The template is not replaced if a cell outside of the target's box, which may be on a
+        distractor, has at least this share (0..1) of the chosen cell's score.
     """
 
-    every: int = 10
-    score: float = 0.6
-    alone: float = 0.5
+    interval: int = 10
+    min_score: float = 0.6
+    max_distractor_share: float = 0.5
 
 
 MEMORY: Final = Memory()
@@ -90,9 +88,9 @@ class Lite2Networks:
         Raises
         ------
         WeightsError
-            They are missing, damaged or of another network.
+            The weights are missing, damaged or of another network.
         ArgumentError
-            They do not run with these options.
+            The runtime is "torch", or the precision is "int8" and the weights are not.
         """
         from ssiam.runtime.loading import load_pieces
 
@@ -102,7 +100,10 @@ class Lite2Networks:
         return cls(pieces["template"], pieces["search"])
 
     def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
-        """Outputs of `search`; a network without attention takes no context."""
+        """Outputs of `search` for a crop, the kernels, and the context of a recent template.
+
+        A network without attention takes no context: inputs beyond its last one are dropped.
+        """
         inputs = crop, *kernels, recent
         return self.search(*inputs[: len(self.search.input_shapes) or None])
 
@@ -115,7 +116,7 @@ class _Target:
     kernels: list[Tensor]  # of the first template, its context last
     fill: Floats  # color outside of the frame, BGR
     recent: Tensor  # context of the recent template
-    age: int  # frames since the recent template was taken
+    recent_age: int  # frames since the recent template was taken
     distractors: DistractorTracker
 
 
@@ -186,7 +187,7 @@ class Lite2Tracker(SiameseTracker[_Target]):
         target = self._target
         target.state = TargetState.from_reported_xywh(xywh)
         target.distractors = DistractorTracker()
-        target.recent, target.age = target.kernels[-1], 0
+        target.recent, target.recent_age = target.kernels[-1], 0
 
     def _template(self, view: FrameView, state: TargetState, fill: Floats) -> list[Tensor]:
         """Kernels and context of the target in this view."""
@@ -197,12 +198,13 @@ class Lite2Tracker(SiameseTracker[_Target]):
         self, target: _Target, view: FrameView, boxes: Floats, score: Floats, best: int
     ) -> None:
         """Replace the recent template if the score is high and there is no distractor."""
-        target.age += 1
+        target.recent_age += 1
         memory = self._memory
-        if not memory.every or target.age < memory.every or score[best] < memory.score:
+        is_due = 0 < memory.interval <= target.recent_age
+        if not is_due or score[best] < memory.min_score:
             return
         outside = np.abs(boxes[:2] - boxes[:2, best : best + 1]) > boxes[2:, best : best + 1] / 2
         others = score[outside.any(axis=0)]
-        if not len(others) or others.max() < memory.alone * score[best]:
+        if not len(others) or others.max() < memory.max_distractor_share * score[best]:
             target.recent = self._template(view, target.state, target.fill)[-1]
-            target.age = 0
+            target.recent_age = 0

@@ -1,4 +1,4 @@
-"""The mask of lite: from the logits of a search crop to a mask of the frame and a rotated box."""
+"""The mask of `lite`: from the logits of a search crop to a mask of the frame and a rotated box."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from ssiam.trackers.rotated_boxes import MIN_AREA, rectangle_box
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-Span: TypeAlias = tuple[Floats, Floats]  # (2,) first pixels and (2,) ends, x and y
+Span: TypeAlias = tuple[Floats, Floats]  # first pixel (2,) and end (2,), x and y
 
 _SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 4  # px of the crop in a cell of the mask
-_HALF: Final = 127  # of 255, a probability of one half
-_REACH: Final = 1.2  # times the box's width and height, in which the mask is used
-_MIN_FILL: Final = 0.25  # share of a small box that its mask has to cover
-_MIN_IOU: Final = 0.8  # of the rotated box's bounds and the upright box, for it to be used
+_HALF: Final = 127  # of 255: a probability of one half
+_REACH: Final = 1.2  # width and height of the area in which the mask is used, in the box's
+_MIN_FILL: Final = 0.25  # minimum share of a small box that its mask covers
+_MIN_IOU: Final = 0.8  # minimum IoU of the rotated box's bounds with the upright box
 
 
 def crop_corner(center_xy: tuple[float, float], side: int) -> Floats:
-    """Left and top edge (2,) of the square that `FrameView.crop` cuts: whole pixels."""
+    """Left and top edge (2,) of the square that `FrameView.crop` cuts out, whole pixels."""
     return np.floor(np.asarray(center_xy) - (side + 1) / 2 + 0.5)
 
 
 class PastedMask(NamedTuple):
-    """A mask around the target, which covers only a part of the frame.
+    """A mask of the part of the frame around the target.
 
     Attributes
     ----------
     part : (h, w) bool
     corner_xy : (int, int)
-        The part's first pixel, frame pixels. May be outside of the frame.
+        The part's first pixel in the frame, may be outside of it.
     """
 
     part: Mask
@@ -73,11 +73,12 @@ def pasted_mask(
     crop_side : int
         Its side, frame pixels.
     xywh : (x, y, w, h)
-        The target's box, frame pixels; farther away the mask may show other objects and is cut.
+        The target's box, frame pixels. The mask is cut off a bit outside of it, because it may
+        show other objects there.
     size_wh : (int, int)
         The frame's width and height.
     margin : int
-        Pixels around the frame in which the mask is kept as well.
+        Pixels around the frame to which the mask extends.
 
     Returns
     -------
@@ -111,13 +112,13 @@ def rotated_box(mask: PastedMask, xywh: XYWH) -> Points:
 
 
 def _around(xywh: XYWH) -> Span:
-    """Pixels in which the mask of a target with this box is used."""
+    """The pixels around a target's box in which its mask is used."""
     size = np.array(xywh[2:])
     low = np.floor(xywh[:2] - (_REACH - 1) / 2 * size)
     return low, low + np.ceil(_REACH * size) + 1
 
 
 def _intersection(*spans: Span) -> Span:
-    """Pixels in all of the spans; if there are none, the end is not above the start."""
+    """The pixels in all of the spans; if there are none, the end is at or below the start."""
     starts, ends = [start for start, _ in spans], [end for _, end in spans]
     return np.maximum.reduce(starts), np.minimum.reduce(ends)

@@ -1,4 +1,4 @@
-"""`LossDetector` decides whether the target is lost; `ReachableBox` where it can be meanwhile."""
+"""`LossDetector` decides whether the target is lost; `ReachableBox`, which boxes it can have."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ssiam.motion import Motion
 _MEMORY: Final = 0.65  # weight of the past in the running score
 _LOST_BELOW: Final = 0.2  # running score below which the target is lost
 _FOUND_ABOVE: Final = 0.35  # running score above which it is re-detected
-# After blank frames the tracker may have picked up something else: the target is lost earlier, and
-# re-detection starts from a higher threshold that falls back to `_FOUND_ABOVE`.
+# After blank frames the tracker may be on another object: the target is lost earlier, and the
+# threshold of re-detection is higher at first and falls to `_FOUND_ABOVE`.
 _LOST_BELOW_BLANK: Final = 0.35
 _FOUND_ABOVE_BLANK: Final = 0.6
 _FOUND_DECAY: Final = 0.004  # per frame
@@ -20,7 +20,7 @@ _FOUND_DECAY: Final = 0.004  # per frame
 # Tolerance of `ReachableBox`, target sizes.
 _TOLERANCE: Final = 0.7  # for a target that was occluded for a moment
 _DRIFT: Final = 0.015  # added per frame without the target
-_SIZE_WEIGHT: Final = 3.0  # distance that a change of the size by a factor of 2 counts as
+_SIZE_WEIGHT: Final = 3.0  # distance equivalent to a change of the size by a factor of 2
 
 
 class LossDetector:
@@ -52,19 +52,19 @@ class LossDetector:
             self.lost = True
 
     def skip_blank(self) -> None:
-        """Add a blank frame, in which the target can be neither seen nor searched for."""
+        """Add a blank frame, in which the target cannot be visible."""
         self._running *= _MEMORY
         if self._running < _LOST_BELOW_BLANK:
             self.lost, self._found_above = True, _FOUND_ABOVE_BLANK
 
 
 class ReachableBox:
-    """The boxes that a target can have after it was out of sight for a moment.
+    """The boxes that a target can have after a short occlusion.
 
     When the target is occluded, a tracker often switches to a distractor next to it and soon
     reports a high score again. Only the position distinguishes the two: the target is still close
     to its last position in the scene or, if the camera follows it, in the frame, and has about
-    the same size. While the target is visible every box is accepted, since it may jump.
+    the same size. While the target is visible every box is accepted, because it may jump.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class ReachableBox:
     """
 
     def __init__(self, xywh: XYWH) -> None:
-        self._scene_xywh = self._frame_xywh = xywh  # fixed to the scene, fixed to the frame
+        self._scene_xywh = self._frame_xywh = xywh  # moves with the scene, stays in the frame
         self._frames_unseen = 0
 
     def advance(self, motion: Motion) -> None:
@@ -97,7 +97,7 @@ class ReachableBox:
 
 
 def _distance(xywh: XYWH, last_xywh: XYWH) -> float:
-    """Difference of two boxes, in position or in size, whichever is larger; target sizes."""
+    """The larger of two boxes' differences in position and in size, in target sizes."""
     (x, y, w, h), (u, v, p, q) = xywh, last_xywh
     shift = math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2) / math.sqrt(p * q)
     return max(shift, _SIZE_WEIGHT * abs(math.log2(w * h / (p * q))) / 2)

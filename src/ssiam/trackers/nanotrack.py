@@ -1,7 +1,7 @@
-"""NanoTrack v1, v2 and v3: a small anchor-free Siamese tracker for CPUs.
+"""NanoTrack v1, v2 and v3: small anchor-free Siamese trackers for CPUs.
 
-Networks and weights are the authors' (github.com/HonglinChu/SiamTrackers, Apache-2.0), as ONNX:
-a backbone that is run on template and search region, and a head that compares the two.
+The networks and weights are the authors' ONNX files (github.com/HonglinChu/SiamTrackers,
+Apache-2.0): a backbone for template and search crop, and a head that compares their features.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH
-from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor, load_network
+from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
@@ -39,15 +39,15 @@ NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3
 
 SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between points of the response map
-_HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # v1 and v2 have the same shapes
+_HEAD_CONVOLUTIONS: Final[dict[NanoTrackName, int]] = {  # distinguishes v1 and v2
     "nanotrack_v1": 18,
     "nanotrack_v2": 34,
     "nanotrack_v3": 46,
 }
-_LOGIT_RANGE: Final = (-6.0, 12.0)  # the evidence is clipped to it
-_CERTAIN_LOGIT: Final = 8.0  # logit from which the similarity to the template is not used
-_LOGIT_SPAN: Final = 4.0  # below that, over which the similarity's weight rises from 0 to 1
-_BASELINE_LOGIT: Final = 6.0  # logit above which a lower similarity becomes part of the baseline
+_LOGIT_RANGE: Final = (-6.0, 12.0)  # to which the evidence is clipped
+_CERTAIN_LOGIT: Final = 8.0  # logit from which the similarity to the template has no weight
+_LOGIT_SPAN: Final = 4.0  # decrease of the logit over which that weight rises from 0 to 1
+_BASELINE_LOGIT: Final = 6.0  # logit above which any similarity updates the baseline
 
 PARAMETERS: Final[dict[NanoTrackName, SearchParameters]] = {
     "nanotrack_v1": SearchParameters(penalty_k=0.148, window_influence=0.462, lr=0.390),
@@ -68,8 +68,9 @@ class NanoTrackNetworks:
 
     Threads: any number may share it.
 
-    `template` (1, 3, 127, 127) and `search` (1, 3, 255, 255) are one backbone; `head` maps the
-    features of both to scores (1, 2, n, n) and distances (1, 4, n, n).
+    `template` and `search` are one backbone, compiled for crops (1, 3, 127, 127) and
+    (1, 3, 255, 255), float32 BGR in 0..255. `head` maps the features of both to scores
+    (1, 2, n, n), background first, and distances (1, 4, n, n) in px of the search crop.
     """
 
     template: Network
@@ -78,20 +79,23 @@ class NanoTrackNetworks:
 
     @classmethod
     def load(cls, name: NanoTrackName, weights: Path, options: RuntimeOptions) -> NanoTrackNetworks:
-        """Load the networks from the folder that holds the two ONNX files, or from one of these.
+        """Load the networks.
 
         Parameters
         ----------
-        name : str
+        name : {"nanotrack_v1", "nanotrack_v2", "nanotrack_v3"}
         weights : Path
+            The folder of the two .onnx files, or one of these files.
         options : RuntimeOptions
             With precision "int8" the backbone must be quantized, and the head may be.
 
         Raises
         ------
         WeightsError
-            The files are missing, damaged, not quantized, or of another network.
+            The files are missing, damaged, of another network, or not in int8 as requested.
         """
+        from ssiam.runtime.loading import load_network
+
         backbone, head = _onnx_pair(weights)
 
         def compiled(
@@ -150,16 +154,16 @@ class NanoTrack(SiameseTracker[_Target]):
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
-    Unlike in the authors' loop a box may be smaller than 10 pixels, if the first one was smaller
-    than 20: down to half of the first one.
+    Unlike in the authors' loop, a box may be smaller than 10 pixels if the first box is smaller
+    than 20: the minimum is then half of the first box.
 
     Parameters
     ----------
     networks : NanoTrackNetworks
     parameters : SearchParameters
     confidence : Confidence
-        Its evidence is the logit of the chosen candidate, and the drop of the similarity between
-        the candidate's features and the template's below the baseline.
+        Its evidence is the logit of the chosen candidate, and the drop below the baseline of the
+        similarity between the candidate's features and the template's.
     """
 
     def __init__(
@@ -201,7 +205,7 @@ class NanoTrack(SiameseTracker[_Target]):
         similarity = float(target.feature @ box_feature(features, _STRIDE, boxes[:, best]))
         logit = float(np.clip(foreground - background, *_LOGIT_RANGE))
         weight = float(np.clip((_CERTAIN_LOGIT - logit) / _LOGIT_SPAN, 0, 1))
-        drop = target.similarity.drop(similarity, confident=logit > _BASELINE_LOGIT)
+        drop = target.similarity.update(similarity, confident=logit > _BASELINE_LOGIT)
         evidence = logit, weight * drop
         probability = self._confidence.probability(evidence)
         probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
@@ -212,7 +216,7 @@ class NanoTrack(SiameseTracker[_Target]):
 
 
 def _onnx_pair(weights: Path) -> tuple[Path, Path]:
-    """The files of backbone and head in a folder, or in the folder of one of them."""
+    """The files of backbone and head; `weights` is their folder or one of them."""
     folder = weights if weights.is_dir() else weights.parent
     if not weights.exists():
         raise WeightsError(
@@ -220,7 +224,7 @@ def _onnx_pair(weights: Path) -> tuple[Path, Path]:
         )
     if weights.is_file() and weights.suffix != ".onnx":
         raise WeightsError(f"weights {weights} are not an .onnx file: NanoTrack runs from ONNX")
-    found = []
+    pair = []
     for part in ("backbone", "head"):
         files = sorted(folder.glob(f"*{part}*.onnx"))
         if len(files) != 1:
@@ -228,5 +232,5 @@ def _onnx_pair(weights: Path) -> tuple[Path, Path]:
                 f"weights folder {folder} holds {len(files)} files named *{part}*.onnx, "
                 "NanoTrack needs exactly one"
             )
-        found.append(files[0])
-    return found[0], found[1]
+        pair.append(files[0])
+    return pair[0], pair[1]

@@ -1,4 +1,4 @@
-"""OpenCV's trackers CSRT, KCF and MIL, which need no weights and run on whole frames."""
+"""OpenCV's trackers CSRT, KCF and MIL, which need no weights."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _CONFIDENCE: Final[dict[OpenCvName, Confidence]] = {  # of similarity to first, 
 }
 _UPDATE_ABOVE: Final = 0.6  # score above which a box becomes the recent appearance
 _RESTART_ABOVE: Final = 0.4  # score above which a tracker is restarted on a box found by `seek`
-_SEEK_REACH: Final = 0.7  # target sizes around the given box that `seek` searches
-_KCF_RESEEK: Final = 0.2  # score of KCF up to which a second search pays: it finds little itself
-# Rendered margin on each side of the last box, in longer sides of it: all that the trackers read.
+_SEEK_REACH: Final = 0.7  # target sizes, maximum distance in `seek` from the given box
+_KCF_RESEEK: Final = 0.2  # score of KCF up to which a second search is worth its cost
+# Rendered margin on each side of the last box, in its longer sides. The trackers read no more.
 _MARGIN: Final[dict[OpenCvName, float]] = {"csrt": 8.0, "kcf": 3.0, "mil": 3.0}
-_EXTRA_MARGIN: Final = 40.0  # px that are rendered beyond that
+_EXTRA_MARGIN: Final = 40.0  # px, added to that margin
 
 _SEED: Final = 1  # any value will do
 _RAND_STATE: Final = 128  # bytes of glibc's generator state, its default
-# MIL's features: numbers of parts along x and y, of at least 9 px^2 together, inside of the box.
+# Numbers of parts of MIL's features along x and y. A feature in the box has at least 9 px^2.
 _MIL_PARTS: Final = ((1, 2), (2, 1), (1, 4), (4, 1), (2, 2))
 _MIL_MIN_AREA: Final = 9
 _MIL_LOCK = Lock()
@@ -45,8 +45,8 @@ _MIL_LOCK = Lock()
 class OpenCvTracker(DeepCopied):
     """One of OpenCV's trackers on the rendered view.
 
-    They return no score, only whether they have found the target, and MIL not even that: the score
-    is that of an `AppearanceModel`. If the target is not found, the last box is kept.
+    OpenCV's trackers return no score. CSRT and KCF return whether they have found the target; if
+    not, the last box is kept. The score is computed from an `AppearanceModel`.
 
     Results are repeatable; for MIL, see `DeterministicMil`.
 
@@ -73,7 +73,7 @@ class OpenCvTracker(DeepCopied):
 
     @property
     def can_seek(self) -> bool:
-        """Only KCF: the others find a target more reliably by themselves than `seek` does."""
+        """Only for KCF: the search of CSRT and MIL is more reliable than `seek`."""
         return self._name == "kcf"
 
     @property
@@ -87,7 +87,7 @@ class OpenCvTracker(DeepCopied):
         Raises
         ------
         ArgumentError
-            OpenCV cannot start on this box: it is too thin, too small or too large. The former
+            OpenCV cannot start on this box: it is too thin, too small or too large. The earlier
             target is kept.
         """
         appearance = AppearanceModel(view, xywh)
@@ -111,7 +111,7 @@ class OpenCvTracker(DeepCopied):
             raise TrackingError(f"{self._name} failed on this frame: {reason}") from error
         if not found or w <= 0 or h <= 0:
             return Track(self._xywh, score=0.0)
-        # The border is an offset of the rendered image (eq. 9).
+        # The rendered image is offset by the border (eq. 9).
         self._xywh = float(x - view.border), float(y - view.border), float(w), float(h)
         track = self._scored(appearance, view, self._xywh)
         if track.score > _UPDATE_ABOVE:
@@ -119,9 +119,9 @@ class OpenCvTracker(DeepCopied):
         return track
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
-        """The box around `xywh` most similar to the target.
+        """The box near `xywh` that is most similar to the target.
 
-        If its score is high enough the tracker continues from there.
+        If its score is high enough, the tracker is restarted on it.
         """
         appearance = self._current_appearance()
         track = self._scored(appearance, view, appearance.find(view, xywh, _SEEK_REACH))
@@ -167,7 +167,7 @@ class OpenCvTracker(DeepCopied):
 
 
 def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Box in whole pixels, clipped to an image of (width, height); at least one pixel."""
+    """A box in whole pixels, clipped to an image of (width, height); at least 1 x 1 pixel."""
     x, y, w, h = xywh
     width, height = size_wh
     left, top = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
@@ -177,7 +177,7 @@ def pixel_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> tuple[int, int
 
 
 def _is_inside(xywh: XYWH, view: FrameView) -> bool:
-    """Whether the central half of a box is inside of the rendered image."""
+    """Whether the central half of a box (w / 2, h / 2) is inside of the rendered image."""
     x, y, w, h = xywh
     n, (width, height) = view.border, view.size_wh
     return (
@@ -190,13 +190,13 @@ def _is_inside(xywh: XYWH, view: FrameView) -> bool:
 class DeterministicMil:
     """`cv2.TrackerMIL` with the same random numbers in every run.
 
-    MIL draws its features from the C library's `rand`, and its samples from OpenCV's generator of
-    the thread that starts it; it seeds neither. What it learns in an update passes through arrays
-    that all MIL trackers of a process share (modules/video/src/tracking of OpenCV).
+    MIL draws its features with the C library's `rand`, and its samples with the OpenCV generator of
+    the thread that starts it; it seeds neither. Its updates use arrays that all MIL trackers of a
+    process share (modules/video/src/tracking of OpenCV).
 
-    OpenCV's generator is left as it was for all other users. So is the C library's on Linux with
-    glibc and on Windows; elsewhere its sequence restarts. A call of `rand` in another thread
-    during `init` changes the result.
+    OpenCV's generators of other threads are not changed. The C library's generator is restored on
+    Linux with glibc and on Windows; on other systems its sequence restarts. A call of `rand` in
+    another thread during `init` changes the result.
 
     Threads: one thread at a time for each object; calls on several objects wait for each other.
     """
@@ -226,7 +226,7 @@ class DeterministicMil:
             thread.submit(self._start, image, box).result()
 
     def update(self, image: Image) -> tuple[bool, tuple[int, int, int, int]]:
-        """Whether the target is found, and its box."""
+        """Whether the target is found, and its box (x, y, w, h) in whole pixels."""
         with _MIL_LOCK:
             found, box = self._tracker.update(image)
         return found, box

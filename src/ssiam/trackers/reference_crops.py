@@ -1,8 +1,8 @@
-"""The reference trackers' crops, which differ in how they round corners and colors.
+"""The crops of the reference trackers, which differ in the rounding of corners and colors.
 
-All of them call `FrameView.crop`, so that they work on stabilized views as well. It takes the
-corner from a center in half pixels, which can express any whole-pixel corner exactly. On a raw
-view each crop is its reference's bit for bit.
+All of them call `FrameView.crop`, so they work on stabilized views as well. It computes the corner
+from a center in half pixels, which can express any whole-pixel corner exactly. On a raw view each
+crop equals that of its reference to the bit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Floats], I
 def pysot_crop(
     view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Floats
 ) -> Image:
-    """Crop of STVIR/pysot: corners rounded half up; `FrameView.crop` itself.
+    """Crop of STVIR/pysot, with corners rounded half up: the same as `FrameView.crop`.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def pysot_crop(
     center_xy : (x, y)
         Stabilized pixels.
     side, out : int
-        Side of the square in stabilized pixels, and of the result.
+        Side of the square in stabilized pixels, and side of the result.
     fill : (3,) float64
-        Color (BGR) outside of the frame; its fractions are truncated.
+        Color (BGR) outside of the frame; fractions are truncated.
 
     Returns
     -------
@@ -56,8 +56,9 @@ def siamfc_crop(
 ) -> Image:
     """Crop of huanglianghua/siamfc-pytorch, in RGB: side, corners and color rounded half to even.
 
-    As `pysot_crop`, with a fractional `side`, `fill` as RGB, and the center (2,) in single
-    precision, which decides some roundings. The result is (out, out, 3) uint8 **RGB**.
+    The parameters are those of `pysot_crop`, but `side` may be fractional, `fill` is RGB, and the
+    center (2,) has single precision, on which some roundings depend. The result is
+    (out, out, 3) uint8 **RGB**.
     """
     whole = round(side)
     left, top = (int(np.rint(c)) for c in center_xy - np.float32((whole - 1) / 2))

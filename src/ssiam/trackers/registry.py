@@ -61,7 +61,7 @@ def load_tracker(
         One of `TRACKERS`. The default tracker needs no weights.
     weights : path, optional
         File or folder of the networks, for trackers that have any: the authors' .pth file, or
-        .onnx files. By default those that come with the package (lite), or that
+        .onnx files. By default those in this package (lite), or those that
         `ssiam weights import` has stored.
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" runs the tracker alone.
@@ -71,18 +71,24 @@ def load_tracker(
     threads : int
         CPU threads of one inference.
     precision : {"f32", "bf16", "f16", "int8"}
-        Arithmetic of the networks. bf16: openvino, torch; f16: torch on a graphics card; int8:
-        openvino, onnxruntime, with files that were exported with it.
+        Arithmetic of the networks. "bf16": openvino and torch; "f16": torch on a GPU; "int8":
+        openvino and onnxruntime, with files that were exported in int8.
     device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
-        The CPU by default, the only one of openvino; onnxruntime has cuda, tensorrt and coreml,
-        torch cuda and mps.
+        The CPU by default, and always for openvino. onnxruntime also has "cuda", "tensorrt" and
+        "coreml"; torch has "cuda" and "mps".
+
+    Returns
+    -------
+    StabilizedTracker
+        A tracker without a target: call its `init` first.
 
     Raises
     ------
     ValueError
-        Unknown tracker, stabilization or runtime, or a runtime without that precision or device.
+        The tracker, stabilization or runtime is unknown, or the runtime does not support the
+        precision or device.
     WeightsError
-        Weights that are missing, damaged or of another network.
+        The weights are missing, damaged or of another network.
     MissingExtraError
         The runtime, or a package that reads the weights, is not installed.
 
@@ -124,8 +130,9 @@ def load_siamese_tracker(
     Parameters
     ----------
     name : str
+        Name of a SiamFC, SiamRPN++ or SiamMask tracker.
     weights : Path
-        The authors' .pth file, or a folder of exported .onnx files; see
+        The authors' .pth file, or a folder of exported .onnx files. See
         `ssiam.runtime.loading.load_pieces`, also for the errors.
     options : RuntimeOptions
     """
@@ -145,24 +152,24 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     """`weights`, or those that were imported for the tracker; `WeightsError` if there are none."""
     if weights is not None:
         return weights
-    publication = MODEL_ZOO[name]
-    found = imported_weights(publication)
-    if found is None:
+    published = MODEL_ZOO[name]
+    imported = imported_weights(published)
+    if imported is None:
         raise WeightsError(
-            f"tracker {name} needs weights: its authors publish {publication.file} at "
-            f"{publication.source}; give its path"
+            f"tracker {name} needs weights: its authors publish {published.file} at "
+            f"{published.source}; give its path"
         )
-    return found
+    return imported
 
 
-def imported_weights(publication: PublishedWeights) -> Path | None:
-    """The folder of weights that were imported, in one of `weights_folders`; None without any."""
-    folders = [folder / publication.folder for folder in weights_folders()]
+def imported_weights(published: PublishedWeights) -> Path | None:
+    """The folder of imported weights, in one of `weights_folders`; None if there is none."""
+    folders = [folder / published.folder for folder in weights_folders()]
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
 def weights_folders() -> tuple[Path, ...]:
-    """Folders that are searched for weights: the user's own, then ``weights`` where one exists."""
+    """Folders that are searched for weights: in the user's cache, then ``weights`` here."""
     from ssiam.runtime.files import cache_folder
 
     return cache_folder() / "weights", Path("weights")

@@ -1,7 +1,7 @@
 """Rotated boxes of masks: SiamMask's minimum-area rectangle, and SiamMask_E's ellipse fit.
 
-SiamMask_E is Chen and Tsotsos, "Fast Visual Object Tracking using Ellipse Fitting for Rotated
-Bounding Boxes" (arXiv 1907.03892); the steps below are those of its Fig. 3, in its authors' order.
+SiamMask_E is from Chen and Tsotsos, "Fast Visual Object Tracking using Ellipse Fitting for Rotated
+Bounding Boxes" (arXiv 1907.03892). The steps below are those of its Fig. 3, in the authors' order.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def rectangle_box(mask: Mask, min_area: float = MIN_AREA) -> Points | None:
     ----------
     mask : (H, W) bool
     min_area : float
-        Area that the component has to exceed, px^2.
+        Area that the component must exceed, px^2.
 
     Returns
     -------
@@ -41,20 +41,20 @@ def rectangle_box(mask: Mask, min_area: float = MIN_AREA) -> Points | None:
 
 
 def ellipse_box(mask: Mask, factor: float | None = None) -> Points | None:
-    """SiamMask_E's rotated box: its angle is the fitted ellipse's, its sides fit both.
+    """SiamMask_E's rotated box: the angle of the fitted ellipse, and sides from ellipse and mask.
 
     Parameters
     ----------
     mask : (H, W) bool
     factor : float, optional
-        Alpha of the refinement: sides move inwards until this share of their length is on the
-        mask. None for no refinement.
+        The authors' alpha: in the refinement, sides move inwards until this share of their length
+        is on the mask. None for no refinement.
 
     Returns
     -------
     (4, 2) float64 or None
-        Corners in the mask's pixels; None if no component is larger than 100 px^2. If the ellipse
-        is degenerate, the corners of `rectangle_box`.
+        Corners in the mask's pixels; None if no component is larger than `MIN_AREA`. If the
+        ellipse is degenerate, the corners of `rectangle_box`.
     """
     contour = _largest_contour(mask)
     if contour is None:
@@ -94,7 +94,7 @@ def _mapped(to_from_from: NDArray[np.generic], points: NDArray[np.generic]) -> P
 
 
 def _sides(ellipse: Points, contour: Points, shape: tuple[int, ...]) -> Sides:
-    """Intersection of the leveled ellipse's box and the bounds of the contour inside of it."""
+    """Intersection of the leveled ellipse's box with the bounds of the contour inside of it."""
     low, high = ellipse.min(axis=0), ellipse.max(axis=0)
     whole = contour.astype(np.int32)
     x, y, w, h = cv2.boundingRect(whole[((whole >= low) & (whole <= high)).all(axis=1)])
@@ -108,14 +108,14 @@ def _sides(ellipse: Points, contour: Points, shape: tuple[int, ...]) -> Sides:
 
 
 def _level_mask(mask: Mask, level_from_mask: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """The mask (H, W) rotated so that the ellipse is upright; 0 or 1."""
+    """The mask (H, W) rotated so that the ellipse's axes are upright; 0 or 1."""
     size_wh = mask.shape[1], mask.shape[0]
     leveled = cv2.warpAffine(mask.astype(np.uint8), np.asarray(level_from_mask), size_wh)
     return np.asarray(leveled, dtype=np.uint8)
 
 
 def _refined(level: NDArray[np.uint8], sides: Sides, factor: float) -> Sides:
-    """Sides moved inwards, left and right first, until `factor` of each is on the mask."""
+    """Sides moved inwards, left and right first, until a share `factor` of each is on the mask."""
     left, top, right, bottom = sides
     columns = level[int(top) : int(bottom)].sum(axis=0)
     left, right = _tightened(columns, left, right, (bottom - top) * factor)
@@ -127,7 +127,7 @@ def _refined(level: NDArray[np.uint8], sides: Sides, factor: float) -> Sides:
 def _tightened(
     filled: NDArray[np.generic], low: float, high: float, min_filled: float
 ) -> tuple[float, float]:
-    """Both ends moved towards each other until their lines have `min_filled` pixels on the mask.
+    """Both ends moved toward each other until their lines have `min_filled` pixels on the mask.
 
     `filled` (n,) is the number of mask pixels in each line. The low end moves first.
     """

@@ -1,7 +1,7 @@
 """Base class of the Siamese trackers, and the shared steps of those with box regression.
 
 The formulas are those of the reference implementation (SiamRPN's loop in pysot), including its
-half pixel of asymmetry between the box that comes in and the one that is reported.
+asymmetry of half a pixel between the given box and the reported one.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 
-CONTEXT = 0.5  # of width + height, added around the target
-TEMPLATE_SIDE = 127  # px, side of the template crop
-MIN_SIDE: Final = 10.0  # px, the smallest side that the reference loops give a target
+CONTEXT: Final = 0.5  # share of width + height that is added to width and to height
+TEMPLATE_SIDE: Final = 127  # px, side of the template crop
+MIN_SIDE: Final = 10.0  # px, minimum side of a target in the reference loops
 REFERENCE_MIN_WH: Final = (MIN_SIDE, MIN_SIDE)
-_MIN_SIDE_SHARE: Final = 0.5  # of a first box's side that is shorter than twice MIN_SIDE
-_LEAST_SIDE: Final = 1.0  # px
+_MIN_SIDE_SHARE: Final = 0.5  # the same for a small first box, in units of its side
+_LEAST_SIDE: Final = 1.0  # px, minimum side of any target
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SearchParameters:
-    """The three hyperparameters of the choice among a Siamese tracker's candidates.
+    """Hyperparameters for the selection among a Siamese tracker's candidates.
 
     Parameters
     ----------
     penalty_k : float
-        Strength of the penalty on a change of the target's size or aspect ratio.
+        Strength of the penalty on changes of the target's size and aspect ratio.
     window_influence : float
         Weight 0..1 of the cosine window, which prefers candidates near the last position.
     lr : float
@@ -58,25 +58,25 @@ class TargetState:
 
     @classmethod
     def from_xywh(cls, xywh: XYWH) -> TargetState:
-        """State of a first box: the center of its pixels, (w - 1) / 2 from the left."""
+        """State of a given box: the center is (w - 1) / 2 from the left edge, as in pysot."""
         x, y, w, h = xywh
         return cls((x + (w - 1) / 2, y + (h - 1) / 2), (w, h))
 
     @classmethod
     def from_reported_xywh(cls, xywh: XYWH) -> TargetState:
-        """The state whose reported box is `xywh`: its center is w / 2 from the left."""
+        """State whose `xywh` is the given box: the center is w / 2 from the left edge."""
         x, y, w, h = xywh
         return cls((x + w / 2, y + h / 2), (w, h))
 
     @property
     def xywh(self) -> XYWH:
-        """The reported box: its left edge is w / 2 from the center, as in the references."""
+        """The reported box: the left edge is w / 2 from the center, as in the references."""
         (cx, cy), (w, h) = self.center_xy, self.size_wh
         return cx - w / 2, cy - h / 2, w, h
 
     @property
     def context_side(self) -> float:
-        """Side of the square around the target and its context (s_z), unrounded pixels."""
+        """Side of the square around the target and its context (pysot's s_z), stabilized pixels."""
         w, h = self.size_wh
         context = CONTEXT * (w + h)
         return float(np.sqrt((w + context) * (h + context)))
@@ -92,7 +92,7 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
     A subclass stores the state of its target in one object, which `init` passes to `_start`.
-    All other attributes are set by the constructor and do not change, so that clones share them.
+    All other attributes are set by the constructor and do not change; clones share them.
     """
 
     can_seek: Final = True
@@ -138,18 +138,18 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
 def select_candidate(
     boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
 ) -> tuple[int, float]:
-    """Index of the best candidate, and its penalty factor 0..1.
+    """Index of the best candidate, and its penalty factor (0..1; 1 for no change of its shape).
 
     Parameters
     ----------
     boxes : (4, n) float64
-        cx, cy, w, h in pixels of the search region.
+        cx, cy, w, h in search-crop pixels.
     score : (n,) float64
-        0..1.
+        Scores, 0..1.
     size_wh : (2,) float64
         The target's last size in the same pixels.
     window : (n,) float64
-        Cosine window.
+        Cosine window, 0..1.
     parameters : SearchParameters
     """
     scale_change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
@@ -162,9 +162,9 @@ def select_candidate(
 
 
 def min_size(size_wh: tuple[float, float]) -> tuple[float, float]:
-    """Minimum width and height (px) of a target whose first box had `size_wh`.
+    """Minimum width and height (px) of a target whose first box has `size_wh`.
 
-    The minimum of the references, or half of the first box for targets that are small themselves.
+    The minimum of the references, or half of the first box if that is smaller.
     """
     w, h = (min(MIN_SIDE, max(_MIN_SIDE_SHARE * side, _LEAST_SIDE)) for side in size_wh)
     return w, h
@@ -178,21 +178,21 @@ def next_state(
     view: FrameView,
     min_wh: tuple[float, float] = REFERENCE_MIN_WH,
 ) -> TargetState:
-    """`updated_state`, clamped by `clamped_state`."""
+    """The result of `updated_state`, clamped by `clamped_state`."""
     return clamped_state(updated_state(state, box, zoom, rate), view, min_wh)
 
 
 def updated_state(state: TargetState, box: Floats, zoom: float, rate: float) -> TargetState:
-    """State after the chosen candidate: its center, and a size between the last one and its size.
+    """State with the candidate's center, and a size between the last one and the candidate's.
 
     Parameters
     ----------
     state : TargetState
         The last state, around which the search region was cut.
     box : (4,) float64
-        cx, cy, w, h in search-region pixels from the region's center.
+        cx, cy, w, h in search-crop pixels from the crop's center.
     zoom : float
-        Search-region pixels per stabilized pixel.
+        Search-crop pixels per stabilized pixel.
     rate : float
         Share 0..1 of the candidate's size in the new one.
     """
@@ -217,14 +217,14 @@ def min_size_iou(
     candidate_wh: Floats,
     min_wh: tuple[float, float] = REFERENCE_MIN_WH,
 ) -> float:
-    """IoU that a box of the minimum size can reach with the candidate; 1 for a larger box.
+    """Maximum IoU of a box of the minimum size with its candidate; 1 for a larger box.
 
-    `candidate_wh` (2,) is the candidate's size in the state's pixels. A score multiplied by this
-    IoU is at least 0.5 only if the box can be right.
+    `candidate_wh` (2,) is the candidate's size in the state's pixels. The score is multiplied by
+    this IoU: it is then above 0.5 only if the box can overlap the target by more than half.
     """
     overlap = 1.0
-    for side, candidate, least in zip(state.size_wh, candidate_wh.tolist(), min_wh, strict=True):
-        if side <= least:
+    for side, candidate, minimum in zip(state.size_wh, candidate_wh.tolist(), min_wh, strict=True):
+        if side <= minimum:
             overlap *= min(candidate / side, 1.0)
     return overlap
 
@@ -236,8 +236,8 @@ def crop_tensor(crop: Image) -> Tensor:
 
 def foreground_probability(score_maps: Tensor) -> Floats:
     """Softmax of score maps (1, 2 * a, n, n), background first -> foreground (a * n * n,)."""
-    background, target = score_maps[0].reshape(2, -1).astype(np.float64)
-    return np.asarray(1 / (1 + np.exp(background - target)))
+    background, foreground = score_maps[0].reshape(2, -1).astype(np.float64)
+    return np.asarray(1 / (1 + np.exp(background - foreground)))
 
 
 def sigmoid(logits: Tensor) -> Floats:

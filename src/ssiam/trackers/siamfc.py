@@ -1,7 +1,7 @@
 """SiamFC: one response map at each of three scales.
 
-Bertinetto et al., "Fully-Convolutional Siamese Networks for Object Tracking" (2016); the loop is
-that of huanglianghua/siamfc-pytorch, in its single precision, which decides some roundings.
+Bertinetto et al., "Fully-Convolutional Siamese Networks for Object Tracking" (2016). The loop is
+that of huanglianghua/siamfc-pytorch in single precision, on which some roundings depend.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Singles = NDArray[np.float32]
 
 _SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px of the search crop between cells of the response map
-_UPSAMPLING: Final = 16  # upsampled cells per cell along one axis
+_UPSAMPLING: Final = 16  # cells of the upsampled response map per cell, along one axis
 _FINE_SIDE: Final = 17 * _UPSAMPLING  # cells along the side of the upsampled response map
-_MIN_SIDE: Final = 2.0  # px, the target's shorter side
+_MIN_SIDE: Final = 2.0  # px, minimum of the target's shorter side
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SiamFcParameters:
     scale_lr : float
         Learning rate of the size, 0..1: how fast it follows the best scale.
     scale_penalty : float
-        Factor on the responses at the two scales other than the last one.
+        Factor on the responses at the smaller and the larger scale.
     window_influence : float
         Weight 0..1 of the cosine window, which prefers positions near the last one.
     """
@@ -74,7 +74,7 @@ class _Target:
     fill: Floats  # color outside of the frame, RGB
     center: Singles  # (2,) stabilized pixels
     size: Singles  # (2,) width and height
-    search_side: float  # of the search region at the middle scale, stabilized pixels
+    search_side: float  # side of the search region at the middle scale, stabilized pixels
 
     @property
     def xywh(self) -> XYWH:
@@ -87,8 +87,8 @@ class SiamFc(SiameseTracker[_Target]):
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
 
-    Unlike in the reference, a target stops shrinking below 2 pixels and growing beyond the frame:
-    the reference fails there on an empty crop, or on one that exhausts the memory.
+    Unlike in the reference, a target does not shrink below 2 pixels or grow beyond the frame: the
+    reference fails there on an empty crop, or on one that exhausts the memory.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ class SiamFc(SiameseTracker[_Target]):
     def track(self, view: FrameView) -> Track:
         """The target in the next view.
 
-        The score is the sigmoid of the response at the chosen position, which is the probability
-        of the network's logistic loss.
+        The score is the sigmoid of the response at the chosen position: the probability in the
+        logistic loss of the network.
         """
         target = self._target
         fine = self._responses(view, target)
@@ -172,7 +172,7 @@ class SiamFc(SiameseTracker[_Target]):
 
 
 def _geometry(xywh: XYWH) -> tuple[Singles, Singles, float]:
-    """Center (2,), size (2,) and side of the search region of a box."""
+    """Center (2,), size (2,) and side of the search region of a target with this box."""
     x, y, w, h = xywh
     center = np.array([x + (w - 1) / 2, y + (h - 1) / 2], np.float32)
     size = np.array([w, h], np.float32)
@@ -181,13 +181,13 @@ def _geometry(xywh: XYWH) -> tuple[Singles, Singles, float]:
 
 
 def _template_side(size: Singles) -> np.float32:
-    """Side of the template crop of a target of (width, height), unrounded pixels."""
+    """Side of the template crop of a target of size (2,), stabilized pixels, not rounded."""
     padded = size + np.float32(CONTEXT) * size.sum()
     return np.float32(np.sqrt(np.prod(padded)))
 
 
 def _move(target: _Target, peak_xy: NDArray[np.int_], factor: float) -> None:
     """Move the target to the peak of a search region of `factor` times its `search_side`."""
-    in_crop = (peak_xy - (_FINE_SIDE - 1) / 2) * _STRIDE / _UPSAMPLING
-    shift = in_crop * target.search_side * factor / _SEARCH_SIDE
+    crop_shift = (peak_xy - (_FINE_SIDE - 1) / 2) * _STRIDE / _UPSAMPLING
+    shift = crop_shift * target.search_side * factor / _SEARCH_SIDE
     target.center = (target.center.astype(np.float64) + shift).astype(np.float32)

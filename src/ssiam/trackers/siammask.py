@@ -1,12 +1,12 @@
 """SiamMask and SiamMask_E: SiamRPN's loop, with a mask and a rotated box in every frame.
 
-Wang et al., SiamMask, CVPR 2019; the loop is that of STVIR/pysot, or with ``variant="siammask"``
-the authors' own (foolwood/SiamMask). The mask is only an output: the next search region is placed
-by the upright box.
+Wang et al., SiamMask, CVPR 2019. The loop is that of STVIR/pysot, or with ``variant="siammask"``
+that of the authors (foolwood/SiamMask). The mask is only an output: the next search region depends
+on the upright box.
 
 A mask takes three steps: `refinement_windows` cuts the refinement network's inputs out of the
-features around the chosen cell, `mask_probability` turns its logits into probabilities, and
-`paste_mask` resamples these at their position in the frame.
+features around the chosen cell, `mask_probability` converts its logits to probabilities, and
+`paste_mask` resamples them at their position in the frame.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ SiamMaskName: TypeAlias = Literal[
     "siammask_davis",
 ]
 
-MASK_SIDE: Final = 127  # px of the network's mask
-# Of x0, p1 and p2: zeros added on each side, features between cells, side of the window.
+MASK_SIDE: Final = 127  # px, side of the network's mask
+# For x0, p1 and p2: padding on each side, features between neighboring cells, side of the window.
 _WINDOWS: Final = ((16, 4, 61), (8, 2, 31), (4, 1, 15))
 
 
@@ -49,14 +49,15 @@ class SiamMaskParameters(SiamRpnParameters):
     Parameters
     ----------
     penalty_k, window_influence, lr, instance, base, variant
-        As in `SiamRpnParameters`. Where the mask is empty, the corners are those of the upright
-        box, which in the "siammask" variant is not yet clamped to the frame.
+        As in `SiamRpnParameters`. If the mask is empty, the corners are those of the upright box,
+        which is not clamped to the frame in the variant "siammask".
     mask_threshold : float
         Probability above which a pixel belongs to the target.
     fit : {"rectangle", "ellipse"}
-        The rotated box: the minimum-area rectangle around the mask, or SiamMask_E's box.
+        How the rotated box is computed: as the minimum-area rectangle around the mask, or as in
+        SiamMask_E.
     factor : float, optional
-        SiamMask_E's alpha for the refinement of its box; None for no refinement.
+        SiamMask_E's alpha in the refinement of the box; None for no refinement.
     """
 
     mask_threshold: float = 0.3
@@ -84,10 +85,10 @@ class SiamMaskNetworks(SiamRpnNetworks):
 
     Threads: any number may share it.
 
-    `template` and `search` as in `SiamRpnNetworks`; after its two maps `search` also returns the
-    correlation (1, 256, 25, 25) and the backbone's x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and
-    p2 (1, 512, 31, 31). `refine` maps the windows of one cell, as `refinement_windows` cuts them,
-    to logits (1, 127 * 127).
+    `template` and `search` are as in `SiamRpnNetworks`. After the two maps `search` also returns
+    the correlation (1, 256, 25, 25) and the features x0 (1, 64, 125, 125), p1 (1, 256, 63, 63) and
+    p2 (1, 512, 31, 31) of the backbone. `refine` maps the windows of one cell, as
+    `refinement_windows` cuts them out, to logits (1, 127 * 127).
     """
 
     refine: Network
@@ -131,7 +132,7 @@ class SiamMask(SiamRpn):
     def _pasted_mask(
         self, found: Candidate, last: TargetState, size_wh: tuple[int, int], margin: int
     ) -> Tensor:
-        """Probability of the target for every pixel of the view and its margin."""
+        """Probability that a pixel is on the target, for all pixels of the view and its margin."""
         corr, *features = found.features
         windows = refinement_windows(corr, features, found.cell)
         (logits,) = self._networks.refine(*windows)
@@ -140,7 +141,7 @@ class SiamMask(SiamRpn):
         return paste_mask(mask_probability(logits), square, size_wh, margin)
 
     def _mask_corners(self, mask: Mask, margin: int, upright: TargetState) -> Points:
-        """Rotated box of the mask in the view's pixels, or the upright box if there is none."""
+        """Corners of the mask's rotated box in the view's pixels, or else of the upright box."""
         if self._parameters.fit == "ellipse":
             box = ellipse_box(mask, self._parameters.factor)
         else:
@@ -160,6 +161,7 @@ def refinement_windows(
     features : (1, 64, 125, 125), (1, 256, 63, 63) and (1, 512, 31, 31) float32
         The backbone's x0, p1 and p2 of the search region.
     cell : (int, int)
+        Row and column of the response map.
 
     Returns
     -------
@@ -178,10 +180,9 @@ def _window(features: Tensor, top: int, left: int, side: int) -> Tensor:
     """Square of `side` from (top, left), padded with zeros outside of the features."""
     height, width = features.shape[2:]
     window = np.zeros((*features.shape[:2], side, side), np.float32)
-    upper, lower = max(top, 0), min(top + side, height)
-    near, far = max(left, 0), min(left + side, width)
-    inside = features[:, :, upper:lower, near:far]
-    window[:, :, upper - top : lower - top, near - left : far - left] = inside
+    y0, y1 = max(top, 0), min(top + side, height)
+    x0, x1 = max(left, 0), min(left + side, width)
+    window[:, :, y0 - top : y1 - top, x0 - left : x1 - left] = features[:, :, y0:y1, x0:x1]
     return window
 
 
@@ -194,19 +195,18 @@ def mask_probability(logits: Tensor) -> Tensor:
 def mask_square(
     center_xy: tuple[float, float], crop_side: int, cell: tuple[int, int], instance: int, base: int
 ) -> XYWH:
-    """The square of the frame that the mask of one cell (row, column) covers.
+    """The square (x, y, w, h) of the frame that the mask of one cell covers.
 
     Parameters
     ----------
     center_xy : (x, y)
-        Center of the search region.
+        Center of the search region, in the same pixels as the result.
     crop_side : int
-        Its side, in the same pixels as the result.
+        Side of the search region, in the same pixels.
     cell : (int, int)
-    instance : int
-        Its side in the crop's pixels.
-    base : int
-        BASE_SIZE of pysot, `SiamRpnParameters.base`.
+        Row and column of the response map.
+    instance, base : int
+        As in `SiamRpnParameters`.
     """
     scale = crop_side / instance
     row, column = ((index - base // 2) * STRIDE * scale for index in cell)
@@ -217,10 +217,10 @@ def mask_square(
 def paste_mask(
     mask: Tensor, square_xywh: XYWH, size_wh: tuple[int, int], margin: int = 0
 ) -> Tensor:
-    """A mask's values at its position in the frame, zero around it.
+    """A mask resampled at its position in the frame, with zeros around it.
 
-    The reference (`crop_back` of pysot) shrinks everything by (size - 1) / size about the
-    square's corner; that is kept.
+    As in the reference (`crop_back` of pysot), the result is smaller by the factor
+    (size - 1) / size, where size is that of the frame.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def paste_mask(
     size_wh : (int, int)
         The frame's width and height.
     margin : int
-        Pixels added on each side, in which the mask is kept as well.
+        Pixels added to the frame on each side, to which the mask extends.
 
     Returns
     -------
@@ -245,7 +245,7 @@ def paste_mask(
 
 
 def _frame_from_mask(square_xywh: XYWH, size_wh: tuple[int, int]) -> NDArray[np.float64]:
-    """(2, 3), in the reference's order of operations."""
+    """Transform (2, 3) from mask to frame, in the reference's order of operations."""
     x, y, w, _ = square_xywh
     zoom = MASK_SIDE / w
     scales = [(length - 1) / (length * zoom) for length in size_wh]

@@ -1,7 +1,7 @@
 """SiamRPN and SiamRPN++: the best candidate of a grid of anchor boxes.
 
-The loop is that of STVIR/pysot (Li et al., SiamRPN, CVPR 2018; SiamRPN++, CVPR 2019), or that of
-foolwood/SiamMask where the two differ.
+The loop is that of STVIR/pysot (Li et al., SiamRPN, CVPR 2018; SiamRPN++, CVPR 2019), or, with
+``variant="siammask"``, that of foolwood/SiamMask.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Variant: TypeAlias = Literal["pysot", "siammask"]
 
 @dataclass(frozen=True)
 class SiamRpnParameters(SearchParameters):
-    """Hyperparameters of a tracker with anchors; the names in pysot's configuration in brackets.
+    """Hyperparameters of a tracker with anchors, with their names in pysot in parentheses.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ class SiamRpnParameters(SearchParameters):
     base : int
         Cells of the response map beyond those of a network without padding (BASE_SIZE).
     variant : {"pysot", "siammask"}
-        The implementation whose half pixels are used. The SiamMask authors' loop takes a first
-        box's center at x + w / 2 (not x + (w - 1) / 2), and rounds crop corners half to even.
+        The implementation that is reproduced. In the loop of SiamMask's authors the center of the
+        first box is x + w / 2, not x + (w - 1) / 2, and crop corners are rounded half to even.
     """
 
     instance: int = 255
@@ -64,7 +64,7 @@ class SiamRpnParameters(SearchParameters):
 
     @property
     def side(self) -> int:
-        """Cells along the response map's side."""
+        """Number of cells along the side of the response map."""
         return response_side(self.instance, self.base)
 
 
@@ -82,9 +82,9 @@ class SiamRpnNetworks:
 
     Threads: any number may share it.
 
-    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to a list of arrays. `search` maps
-    (1, 3, S, S) of the same kind and those arrays to the raw maps (1, 10, n, n) of scores,
-    background first, and (1, 20, n, n) of box regression, and possibly further outputs.
+    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to kernels. `search` maps a crop
+    (1, 3, S, S) and the kernels to logits (1, 10, n, n), background first, box regression
+    (1, 20, n, n), and possibly further outputs.
     """
 
     template: Network
@@ -102,7 +102,7 @@ class Candidate:
     size_wh : (2,) float64
         The candidate's size, stabilized pixels.
     score : float
-        Its softmax, 0..1.
+        The candidate's foreground probability (softmax), 0..1.
     cell : (int, int)
         Row and column of the response map.
     crop_side : int
@@ -161,8 +161,8 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
     def track(self, view: FrameView) -> Track:
         """The target in the next view; its score is the chosen candidate's softmax.
 
-        The box is never smaller than 10 pixels. Where the candidate is smaller, the score is
-        multiplied by the IoU that the box can reach with it.
+        The sides of the box are at least 10 pixels. If the candidate is smaller, the score is
+        multiplied by the maximum IoU of such a box with it.
         """
         found = self._best_candidate(view)
         state = self._target.state = clamped_state(found.state, view)

@@ -20,8 +20,9 @@ from ssiam.trackers.blank_frames import BlankFrameDetector
 from ssiam.trackers.followers import Follower, FrameStep, PredictiveFollower, StabilizedFollower
 from ssiam.trackers.lost import LossDetector
 
-# Score up to which the target counts as not visible in a frame whose motion is unknown. Noise
-# scores at most .08; with .3 a target that a strong shake has moved is held at its old position.
+# Score up to which the target is considered not visible in a frame whose motion is unknown. Scores
+# on noise are at most 0.08. With 0.3, a target would be held at its old position after a strong
+# shake although it is visible.
 _NOT_VISIBLE: Final = 0.1
 
 
@@ -31,7 +32,7 @@ class _Target:
 
     size_wh: tuple[int, int]  # of all frames
     xywh: XYWH  # as last reported
-    exclude_xywh: XYWH  # left out of the next motion estimate: the predicted box if there is one
+    exclude_xywh: XYWH  # excluded from the next motion estimate: the predicted box if there is one
     loss: LossDetector
     blanks: BlankFrameDetector
     follower: Follower
@@ -41,13 +42,13 @@ class _Target:
 class StabilizedTracker(NotPicklable):
     """A tracker that runs on the stabilized view of each frame and returns raw-frame pixels.
 
-    Threads: one thread at a time for each object; several, also of one load, may run at once. The
-    frame given as `following` is read in a separate thread until it is given to `update`.
+    Threads: one thread at a time for each object; several objects, also clones of one, may run at
+    once. The frame given as `following` is read in a separate thread until it is given to `update`.
 
     Use `load_tracker` to make one. An object tracks one target; `clone` makes a tracker for a
-    second target, which shares the networks and nothing else. Copies (`copy.copy` and
-    `copy.deepcopy`) share the networks too and keep the target; OpenCV's trackers can only be
-    copied without one. Trackers cannot be pickled: load one in each process.
+    second target, which shares only the networks. Copies (`copy.copy` and `copy.deepcopy`) keep the
+    target and share the networks too; OpenCV's trackers cannot be copied while they have a target.
+    Trackers cannot be pickled: load one in each process.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ class StabilizedTracker(NotPicklable):
         return StabilizedTracker(self._tracker.clone(), self._config)
 
     def init(self, frame: Image, box: Sequence[float]) -> None:
-        """Take the object in `box` of `frame` as the target.
+        """Take the object in `box` of `frame` as the target; an earlier target is dropped.
 
         Parameters
         ----------
@@ -93,7 +94,7 @@ class StabilizedTracker(NotPicklable):
         Raises
         ------
         ValueError
-            The frame is not an image, or the box is empty, not finite or outside of it.
+            The frame is not an image, or the box is empty, not finite or outside of the frame.
         """
         size_wh = check_frame(frame)
         xywh, loss, blanks = check_box(box, size_wh), LossDetector(), BlankFrameDetector(frame)
@@ -104,7 +105,7 @@ class StabilizedTracker(NotPicklable):
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
         """Stabilize by `config` from now on, and keep the target.
 
-        The template is kept if the tracker can seek, and taken again from `frame` otherwise.
+        The template is kept if the tracker can seek; otherwise it is taken again from `frame`.
 
         Parameters
         ----------
@@ -162,19 +163,19 @@ class StabilizedTracker(NotPicklable):
         """
         target = self._current_target()
         check_frame(frame, target.size_wh)
-        # A following frame of another size is refused when it is given to `update`.
-        ahead = following is not None and check_frame(following) == target.size_wh
-        known = None if motion is None else as_motion(motion, target.size_wh)
+        # A following frame of another size is refused later, when it is given to `update`.
+        can_prefetch = following is not None and check_frame(following) == target.size_wh
+        motion = None if motion is None else as_motion(motion, target.size_wh)
         camera = target.camera
         if camera is not None:
-            known = camera.update(frame, target.exclude_xywh, known)
-        step = self.advance(known)
-        if camera is not None and ahead and following is not None and step.predicted_xywh:
+            motion = camera.update(frame, target.exclude_xywh, motion)
+        step = self.advance(motion)
+        if camera is not None and can_prefetch and following is not None and step.predicted_xywh:
             camera.start(following, step.predicted_xywh)
         return self.locate(frame, step)
 
     def advance(self, motion: Motion | None) -> FrameStep:
-        """The first half of an update, for callers that estimate the motion themselves.
+        """The first half of `update`, for callers that estimate the motion themselves.
 
         Parameters
         ----------
@@ -185,11 +186,19 @@ class StabilizedTracker(NotPicklable):
         -------
         FrameStep
             To be passed to `locate`, once, before the next `advance`.
+
+        Raises
+        ------
+        ValueError
+            There is no target yet, or no motion although ``stabilize="predict"`` needs one.
         """
         return self._current_target().follower.advance(motion)
 
     def locate(self, frame: Image, step: FrameStep) -> Track:
-        """The second half of an update: the target in `frame`, which `step` has reached."""
+        """The second half of `update`: the target in `frame`, raw-frame pixels.
+
+        `step` is the result of `advance` for this frame. The errors are those of `update`.
+        """
         target = self._current_target()
         check_frame(frame, target.size_wh)
         if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
@@ -207,7 +216,7 @@ class StabilizedTracker(NotPicklable):
 
         If neither the camera's motion nor the target is found in it (noise, a torn frame, another
         scene), it is handled as a blank frame, and the tracker's state is restored. OpenCV's
-        trackers cannot be copied and keep what they have learned from it.
+        trackers cannot be copied: for them the track is used as it is.
         """
         before = None
         if step.is_motion_unknown:
@@ -251,7 +260,7 @@ def _raw_view(frame: Image, config: StabilizerConfig) -> FrameView:
 
 
 def _touching(xywh: XYWH, size_wh: tuple[int, int]) -> XYWH:
-    """The box, moved to touch the frame of (width, height) if it is outside of it."""
+    """The box; if it is outside of the frame of (width, height), moved to touch it."""
     x, y, w, h = xywh
     width, height = size_wh
     return min(max(x, -w), float(width)), min(max(y, -h), float(height)), w, h

@@ -29,7 +29,7 @@ class AlexNet(nn.Module):
         )
 
     def forward(self, crop: Tensor) -> list[Tensor]:
-        """Features of a crop (1, 3, S, S), as a list of one level."""
+        """Features (1, 256, n, n) of a crop (1, 3, S, S), as a list of one level."""
         return [self.features(crop)]
 
 

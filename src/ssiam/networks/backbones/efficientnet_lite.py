@@ -2,7 +2,7 @@
 
 EfficientNet (Tan and Le, ICML 2019) without squeeze-and-excitation and with ReLU6, the variant that
 its authors published for phones. Parameter names are those of the published checkpoint. Padding is
-TensorFlow's "same": where it is odd, the extra row is at the bottom and the extra column on the
+TensorFlow's "same": if the total is odd, the extra row is at the bottom and the extra column on the
 right.
 """
 
@@ -20,9 +20,9 @@ from ssiam.errors import ArgumentError
 __all__ = ["CHANNELS", "STEM_LEVELS", "EfficientNetLite0"]
 
 CHANNELS: Final = (24, 40, 112)  # of the levels: strides 4, 8 and 16
-STEM_LEVELS: Final = 2  # levels that a light stem computes
+STEM_LEVELS: Final = 2  # number of levels that a light stem computes
 
-_MEAN, _DEVIATION = 127.0, 128.0  # of the pixels in the training of the published weights
+_MEAN, _DEVIATION = 127.0, 128.0  # pixel normalization of the published weights
 _STEM: Final = 32  # channels
 _LIGHT_STEM: Final = 16
 _LIGHT_HIDDEN: Final = 32
@@ -95,9 +95,9 @@ class EfficientNetLite0(nn.Module):
         return self.complete([self._stage(0, features)], count)
 
     def complete(self, levels: list[Tensor], count: int = len(_STAGES)) -> list[Tensor]:
-        """The first `count` levels, computed from the first one or more of them.
+        """The first `count` levels, computed from the lower ones given in `levels`.
 
-        With a light stem at least two must be given.
+        With a light stem, `levels` must have at least two.
         """
         levels = list(levels)
         for number in range(len(levels), count):
@@ -127,10 +127,10 @@ class EfficientNetLite0(nn.Module):
 
 
 class LightStem(nn.Module):
-    """Levels of strides 4 and 8 in place of the first five blocks, from fewer and thinner blocks.
+    """The levels at strides 4 and 8, from fewer and thinner blocks than the published first five.
 
-    The second convolution is not depthwise: at its size that is faster than an inverted residual.
-    Receptive fields have the centers that `EfficientNetLite0` gives.
+    The second convolution is a full one: at its size it is faster than an inverted residual. The
+    centers of the receptive fields are those in `EfficientNetLite0`.
     """
 
     def __init__(self) -> None:

@@ -86,7 +86,7 @@ class _InvertedResidual(nn.Module):
 
 
 def _make_layer(channels: int, layer: _Layer, dilation_before: int) -> nn.Sequential:
-    """A layer; where the dilation changes, its first block has half of the new one."""
+    """A layer; if its dilation differs from the last one, the first block has half of it."""
     out = _scaled(layer.channels)
     changes = layer.dilation != dilation_before
     dilation = max(layer.dilation // 2, 1) if changes else layer.dilation

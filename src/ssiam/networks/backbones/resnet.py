@@ -1,4 +1,4 @@
-"""ResNet-50 with dilated layers in place of strides: the backbone of SiamRPN++ and SiamMask.
+"""ResNet-50 with dilation instead of strides: the backbone of SiamRPN++ and SiamMask.
 
 Layers 3 and 4 keep stride 8 (SiamRPN++, section 3.2). The shortcuts of layers 2 to 4 are 3 x 3
 convolutions, so the weights of a standard ResNet-50 do not fit.
@@ -39,8 +39,8 @@ class ResNet50(nn.Module):
     Parameters
     ----------
     levels : sequence of int
-        Which features are returned: 0 for the first convolution (64 channels, stride 2), 1 to 4
-        for the layers (256, 512, 1024 and 2048 channels). Deeper layers are not built.
+        The features to return: 0 for the first convolution (64 channels, stride 2), 1 to 4 for
+        the layers (256, 512, 1024 and 2048 channels). Deeper layers are not built.
     """
 
     def __init__(self, levels: Sequence[int]) -> None:
