@@ -45,7 +45,8 @@ class TrackerOptions:
     tracker
         The tracker that runs on the stabilized view. lite, csrt, kcf and mil need no weights.
     weights
-        File or folder of the tracker's weights. By default those stored by ssiam weights import.
+        File or folder of the tracker's weights. By default those of ssiam weights import, or
+        those in ./weights.
     runtime
         Library that runs the networks.
     threads
