@@ -24,8 +24,8 @@ RUN_WITH_FAILURE = """
 import sys
 from helpers import failing_trackers
 from ssiam.cli import main, options
-trouble = {"hang": failing_trackers.Hang(), "leave": failing_trackers.leave}[sys.argv[1]]
-options.TrackerOptions.load = lambda self, config: failing_trackers.failing_tracker(trouble)
+failure = {"hang": failing_trackers.Hang(), "leave": failing_trackers.leave}[sys.argv[1]]
+options.TrackerOptions.load = lambda self, config: failing_trackers.failing_tracker(failure)
 from ssiam.web import session
 session.Session.__init__.__kwdefaults__ = {"stall_seconds": 0.5}
 sys.exit(main(sys.argv[2:]))
@@ -217,8 +217,8 @@ def test_full_disk_ends_the_recording_and_notifies_the_page(clip, start, tmp_pat
 
 
 def test_hanging_tracker_does_not_block_exit(clip, start, tmp_path):
-    trouble = ("-c", RUN_WITH_FAILURE, "hang")
-    live = start("--recordings", str(tmp_path), command=trouble, env=environment_with_tests())
+    failure = ("-c", RUN_WITH_FAILURE, "hang")
+    live = start("--recordings", str(tmp_path), command=failure, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
         name = client.ask(type="record", on=True)["answer"]
@@ -231,8 +231,8 @@ def test_hanging_tracker_does_not_block_exit(clip, start, tmp_path):
 
 
 def test_crashed_tracking_exits_with_code_3(clip, start, tmp_path):
-    trouble = ("-c", RUN_WITH_FAILURE, "leave")
-    live = start("--recordings", str(tmp_path), command=trouble, env=environment_with_tests())
+    failure = ("-c", RUN_WITH_FAILURE, "leave")
+    live = start("--recordings", str(tmp_path), command=failure, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
         name = client.ask(type="record", on=True)["answer"]

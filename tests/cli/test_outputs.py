@@ -29,7 +29,7 @@ def folder(clip, tmp_path, monkeypatch):
     shutil.copy(clip[0], "clip.mp4")
     Path("link.mp4").symlink_to("clip.mp4")
     Path("table.csv").symlink_to("clip.mp4")
-    Path("picture.png").symlink_to("clip.mp4")
+    Path("image.png").symlink_to("clip.mp4")
     os.link("clip.mp4", "hard.mp4")
     Path("dangling.mp4").symlink_to("new.csv")
     Path("frames").mkdir()
@@ -62,7 +62,7 @@ INPUTS = [
     ("hard link", ("track", "clip.mp4", *TRACK, "--out", "hard.mp4"), "--out hard.mp4"),
     ("source is a link", ("track", "link.mp4", *TRACK, "--out", "clip.mp4"), "--out clip.mp4"),
     ("results", ("track", "clip.mp4", *TRACK, "--results", "table.csv"), "--results table.csv"),
-    ("plot", ("track", "clip.mp4", *TRACK, "--plot", "picture.png"), "--plot picture.png"),
+    ("plot", ("track", "clip.mp4", *TRACK, "--plot", "image.png"), "--plot image.png"),
     ("address of a file", ("track", "FILE://clip.mp4", *TRACK, "--out", "clip.mp4"), "--out"),
     ("list", ("track", "list.ffconcat", *TRACK, "--out", "link.mp4"), "the source clip.mp4"),
     ("playlist", ("track", "master.m3u8", *TRACK, "--out", "clip.mp4"), "the source hard.mp4"),

@@ -21,12 +21,12 @@ def arguments(clip, tmp_path):
 def test_failing_tracker_does_not_affect_other_targets(
     arguments, tmp_path, monkeypatch, capsys, stabilize
 ):
-    track, seen = OpenCvTracker.track, {}
+    track, calls = OpenCvTracker.track, {}
 
     def fail_sometimes(tracker, view):
-        own = seen.setdefault(id(tracker), [])
-        own.append(tracker)
-        if tracker is next(iter(seen.values()))[0] and len(own) % 10 == 0:
+        own_calls = calls.setdefault(id(tracker), [])
+        own_calls.append(tracker)
+        if tracker is next(iter(calls.values()))[0] and len(own_calls) % 10 == 0:
             raise RuntimeError("broken")
         return track(tracker, view)
 

@@ -54,7 +54,11 @@ def test_killed_search_is_resumed(arguments, tmp_path, capsys):
         pytest.param(["--jobs", "0"], "--jobs 0", id="no jobs"),
         pytest.param(["--trackers", "magic"], "magic", id="unknown tracker"),
         pytest.param(["--trackers", ","], "--trackers", id="no tracker"),
-        pytest.param(["--parameter", "thx2=5:50"], "twice", id="parameter given twice"),
+        pytest.param(
+            ["--parameter", "thx2=5:50"],
+            "--parameter thx2 is given twice",
+            id="parameter given twice",
+        ),
         pytest.param(["--parameter", "what=1:2"], "what", id="unknown parameter"),
         pytest.param(["--weights", "here"], "here", id="weights without a name"),
         pytest.param(["--trackers", "nanotrack_v3"], "needs weights", id="no weights"),

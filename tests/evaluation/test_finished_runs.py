@@ -20,11 +20,11 @@ KCF = Entry("kcf", StabilizerConfig("off"))
     ],
 )
 def test_a_run_whose_other_files_cannot_be_written_is_not_finished(tmp_path, protocol, in_the_way):
-    """Else it would not be run again, and its times would be missing for good."""
+    """A run that counted as finished would not be repeated, and its times would stay missing."""
     dataset = write_dataset(tmp_path / "data", sequences=1, frames=6)
     (task,) = tasks([KCF], open_dataset(dataset), dataset, tmp_path / "out", protocol)
     task.results.mkdir(parents=True)
-    (task.results / in_the_way).write_text("a file in place of the folder")
+    (task.results / in_the_way).write_text("a file instead of the folder")
     assert "cannot be written" in run_task(task).failed
     assert not task.path.exists()
     (task.results / in_the_way).unlink()

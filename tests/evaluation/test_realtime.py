@@ -18,6 +18,7 @@ class Timed:
         self.now = 0.0
         self._seconds = iter(seconds)
         self.tracked_frames = []
+        self._box = None
 
     def clock(self):
         return self.now
@@ -33,7 +34,7 @@ class Timed:
 
 
 class Numbered(VideoSequence):
-    """A sequence whose frames carry their index in their pixels."""
+    """A sequence whose frames have their index as pixel values."""
 
     def images(self, start=0):
         for index in range(start, len(self)):
@@ -41,7 +42,7 @@ class Numbered(VideoSequence):
 
 
 def tracked_frames(monkeypatch, seconds):
-    """Indices of the frames that the tracker was given by `run`, the first one excluded."""
+    """Indices of the frames that `run` passed to the tracker, without the first one."""
     tracker = Timed(seconds)
     monkeypatch.setattr(
         protocols,
@@ -58,7 +59,7 @@ def tracked_frames(monkeypatch, seconds):
     [pytest.param(49, [], id="in time"), pytest.param(62, [9], id="late")],
 )
 def test_a_frame_lasts_50_milliseconds(monkeypatch, milliseconds, missed):
-    """After three free frames 12 ms a frame add up to more than 50 ms in five."""
+    """After three free frames, a delay of 12 ms per frame exceeds 50 ms after five frames."""
     frames = tracked_frames(monkeypatch, [0.0] + COUNT * [milliseconds / 1000])
     assert sorted(set(range(1, COUNT)) - set(frames)) == missed
 
@@ -68,7 +69,7 @@ def test_a_frame_lasts_50_milliseconds(monkeypatch, milliseconds, missed):
     [pytest.param(3, [], id="three"), pytest.param(4, [5, 6], id="four")],
 )
 def test_three_late_frames_after_a_start_are_free(monkeypatch, late_frames, missed):
-    """A fourth one of 160 ms is 110 ms late: two frames pass meanwhile."""
+    """A fourth one of 160 ms is 110 ms late, so that two frames are missed."""
     seconds = [0.0] + late_frames * [0.16] + COUNT * [0.01]
     frames = tracked_frames(monkeypatch, seconds)
     assert sorted(set(range(1, COUNT)) - set(frames)) == missed

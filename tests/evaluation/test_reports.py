@@ -1,15 +1,25 @@
 """Reports of one-pass results."""
 
+import io
+
 import numpy as np
 import pytest
+from rich.console import Console
 
 from ssiam.datasets import VideoSequence
 from ssiam.evaluation.measures.regions import upright
 from ssiam.evaluation.measures.trajectory import Status, Trajectory
-from ssiam.evaluation.reports import one_pass
+from ssiam.evaluation.reports import OnePassReport, one_pass, one_pass_table
 from ssiam.evaluation.runs.result_files import vot_path, write_vot
 
 COUNT = 12
+
+
+def test_the_name_of_a_tracker_is_printed_as_it_is():
+    table = one_pass_table([OnePassReport("kcf[red]", *[0.5] * 6, 3)])
+    console = Console(width=120, file=io.StringIO())
+    console.print(table)
+    assert "kcf[red]" in console.file.getvalue()
 
 
 def rotated_box(x):

@@ -34,8 +34,8 @@ def test_exact_rectangles_have_less_overlap_with_polygons():
 
 
 def test_sequences_are_weighted_by_length():
-    held, lost = tracked("i" + 59 * "t", "held"), tracked("ix----i" + 23 * "t", "lost")
-    found = scores(held, lost)
+    never_lost, lost = tracked("i" + 59 * "t", "never lost"), tracked("ix----i" + 23 * "t", "lost")
+    found = scores(never_lost, lost)
     assert found.robustness == pytest.approx((0 * 60 + 1 * 30) / 90)
     assert (found.lost, found.frames) == (1, 90)
     assert vot_toolkit.ar_point(found, 2)[0] == pytest.approx(np.exp(-30 * (1 / 3) / 45))
@@ -48,8 +48,8 @@ def test_a_failure_in_the_last_frames_counts():
     both = scores(
         tracked("i" + 16 * "t" + "x--"), tracked("i" + 29 * "t"), interval=Interval(18, 29)
     )
-    held = np.arange(18, 30)
-    assert both.eao == pytest.approx(np.mean((1 + 16 / held) / 2), abs=1e-6)
+    lengths = np.arange(18, 30)
+    assert both.eao == pytest.approx(np.mean((1 + 16 / lengths) / 2), abs=1e-6)
 
 
 def test_the_curve_ends_with_the_longest_fragment():

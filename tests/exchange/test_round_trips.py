@@ -38,9 +38,9 @@ def any_annotations(draw):
     return Annotations((WIDTH, HEIGHT), 30, draw(names), found, length)
 
 
-def shown_by_cvat(path, length):
+def displayed_by_cvat(path, length):
     """As in CVAT: a box is displayed until the next keyframe, unless it is outside."""
-    shown = {}
+    displayed = {}
     for track in ElementTree.parse(path).getroot().iter("track"):
         boxes = {int(box.get("frame")): box for box in track}
         assert list(boxes) == sorted(boxes)
@@ -53,13 +53,13 @@ def shown_by_cvat(path, length):
                 left, top, right, bottom = (
                     float(current.get(n)) for n in ("xtl", "ytl", "xbr", "ybr")
                 )
-                shown[frame, int(track.get("id"))] = (left, top, right - left, bottom - top)
-    return shown
+                displayed[frame, int(track.get("id"))] = (left, top, right - left, bottom - top)
+    return displayed
 
 
-def shown_by_label_studio(path, length):
+def displayed_by_label_studio(path, length):
     """As in its player: the last keyframe counts; one not enabled counts on its own frame only."""
-    shown = {}
+    displayed = {}
     (task,) = json.loads(path.read_text())
     for result in task["predictions"][0]["result"]:
         sequence = result["value"]["sequence"]
@@ -69,11 +69,11 @@ def shown_by_label_studio(path, length):
             if before and (before[-1]["enabled"] or before[-1]["frame"] == frame + 1):
                 x, y, w, h = (before[-1][name] / 100 for name in ("x", "y", "width", "height"))
                 number = int(result["id"].removeprefix("target-"))
-                shown[frame, number] = (x * WIDTH, y * HEIGHT, w * WIDTH, h * HEIGHT)
-    return shown
+                displayed[frame, number] = (x * WIDTH, y * HEIGHT, w * WIDTH, h * HEIGHT)
+    return displayed
 
 
-def shown_by_coco(path, length):
+def displayed_by_coco(path, length):
     content = json.loads(path.read_text())
     images = {image["id"]: image["file_name"] for image in content["images"]}
     assert list(images.values()) == [f"frame_{frame:06d}.jpg" for frame in range(length)]
@@ -85,8 +85,8 @@ def shown_by_coco(path, length):
     }
 
 
-def shown_by_got10k(path, length, numbers):
-    shown = {}
+def displayed_by_got10k(path, length, numbers):
+    displayed = {}
     with ZipFile(path) as archive:
         folders = archive.read("list.txt").decode().splitlines()
         assert len({folder.casefold() for folder in folders}) == len(folders)
@@ -100,8 +100,8 @@ def shown_by_got10k(path, length, numbers):
             boxes = [tuple(map(float, line.split(","))) for line in truth]
             for frame, (box, flag) in enumerate(zip(boxes, absent, strict=True)):
                 if flag == "0":
-                    shown[frame, number] = box
-    return shown
+                    displayed[frame, number] = box
+    return displayed
 
 
 @settings(max_examples=60, deadline=None)
@@ -112,15 +112,15 @@ def test_targets_are_displayed_exactly_where_visible(annotations):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "export"
         for kind, read in (
-            ("cvat", shown_by_cvat),
-            ("labelstudio", shown_by_label_studio),
-            ("coco", shown_by_coco),
-            ("got10k", lambda path, n: shown_by_got10k(path, n, annotations.tracks())),
+            ("cvat", displayed_by_cvat),
+            ("labelstudio", displayed_by_label_studio),
+            ("coco", displayed_by_coco),
+            ("got10k", lambda path, n: displayed_by_got10k(path, n, annotations.tracks())),
         ):
             write_exports(annotations, path, kind)
-            shown = read(path, length)
-            assert shown.keys() == expected.keys(), kind
-            for key, box in shown.items():
+            displayed = read(path, length)
+            assert displayed.keys() == expected.keys(), kind
+            for key, box in displayed.items():
                 assert box == pytest.approx(expected[key], abs=0.0011), kind
 
 

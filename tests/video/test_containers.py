@@ -83,7 +83,7 @@ def test_pixel_aspect_is_copied(tmp_path, name):
 
 
 def test_pixel_aspect_of_rotated_video_is_inverted(tmp_path):
-    path = write_anamorphic(tmp_path / "turned.mp4", Fraction(4, 3))
+    path = write_anamorphic(tmp_path / "rotated.mp4", Fraction(4, 3))
     set_display_matrix(path, (0, 1, -1, 0))
     with open_source(path) as source:
         assert source.size_wh == (96, 160)

@@ -20,14 +20,14 @@ def test_last_frame_is_delivered_before_an_error(tmp_path):
     path = cut(write_clip(tmp_path / "clip.avi", codec="mpeg4"), 0.5)
     with open_source(path) as source, pytest.raises(StreamError) as plain:
         list(source)
-    seen = []
+    delivered = []
     with open_source(path) as source:
         pairs = with_following(source)
         with pytest.raises(StreamError) as paired:
-            seen.extend((frame.index, after and after.index) for frame, after in pairs)
+            delivered.extend((frame.index, after and after.index) for frame, after in pairs)
     count = int(str(plain.value).split("broke off after ")[1].split()[0])
     assert str(paired.value) == str(plain.value)
-    assert seen == [*((i, i + 1) for i in range(count - 1)), (count - 1, None)]
+    assert delivered == [*((i, i + 1) for i in range(count - 1)), (count - 1, None)]
 
 
 def test_no_frames():

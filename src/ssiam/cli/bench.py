@@ -59,24 +59,25 @@ def bench(
     Parameters
     ----------
     dataset
-        Folders of VOT, OTB, UAV123, DTB70, GOT-10k, LaSOT or MOTChallenge, a VOT2018.json, or a
-        folder of sequences.
+        Datasets: folders of VOT, OTB, UAV123, DTB70, GOT-10k, LaSOT or MOTChallenge, a .json file
+        of pysot such as VOT2018.json, or a folder of images or videos with a .txt of boxes.
     out
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
-        Comma-separated names; with --preset, by default those whose weights are available.
+        Comma-separated names of trackers. By default csrt; with --preset, csrt, kcf and the
+        trackers of --weights.
     stabilize
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
-        NAME=PATH of a tracker's networks. Repeat for further trackers.
+        NAME=PATH: a tracker and the file or folder of its weights. Repeat for further trackers.
     protocol
-        vot restarts five frames after a failure, ope never restarts, realtime is vot with frames
-        dropped according to the clock (20 per second).
+        vot restarts the tracker five frames after a failure, ope never restarts it, realtime is vot
+        at 20 frames per second: a tracker that is too slow misses frames.
     preset_name
-        The runs behind a table of the paper: table1, table2, table3 or table4.
+        Run what a table of the paper needs: table1, table2, table3 or table4. Replaces --stabilize.
     shake
-        Comma-separated strengths of a shake added to the footage, as shares of the image width,
-        such as 0,0.01,0.03; 0 is the unmodified footage. Results are written to
+        Comma-separated strengths of a synthetic shake, as shares of the image width, such as
+        0,0.01,0.03; 0 is the unmodified footage. Results are written to
         OUT/shake-KIND-STRENGTH-seedN/, with a shake.json that ssiam eval reads.
     shake_kind
         Comma-separated kinds of shake: white, handheld, vibration, gusts, roll, zoom.
@@ -94,7 +95,7 @@ def bench(
     threads
         CPU threads per run.
     cluster
-        Address of a Dask scheduler to run on, such as tcp://10.0.0.1:8786.
+        Address of a Dask scheduler to run on instead, such as tcp://10.0.0.1:8786.
     """
     if jobs < 1 or threads < 1:
         raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be at least 1")
@@ -184,7 +185,7 @@ class _Scoreboard:
                 f"{found.runs} of {self._total[label, strength]}",
                 str(found.lost),
                 found.overlap,
-                f"{1 / found.seconds:.0f}" if found.seconds else "",
+                f"{1 / found.seconds_per_frame:.0f}" if found.seconds_per_frame else "",
             )
         return table
 
@@ -200,7 +201,7 @@ class _Scoreboard:
                 str(found.frames),
                 str(found.lost),
                 found.overlap,
-                f"{1000 * found.seconds:.1f}" if found.seconds else "",
+                f"{1000 * found.seconds_per_frame:.1f}" if found.seconds_per_frame else "",
             )
         return table
 
@@ -209,16 +210,16 @@ class _Totals:
     """Totals over the runs of a row, without the failed ones."""
 
     def __init__(self, done: Sequence[TaskResult]) -> None:
-        good = [run for run in done if not run.failed]
-        timed = [run for run in good if run.seconds]
-        overlaps = [run.overlap for run in good if np.isfinite(run.overlap)]
+        finished = [run for run in done if not run.failed]
+        timed = [run for run in finished if run.seconds]
+        overlaps = [run.overlap for run in finished if np.isfinite(run.overlap)]
         tracked = sum(run.frames for run in timed)
-        self.runs = len(good)
-        self.frames = sum(run.frames for run in good)
-        self.lost = sum(run.lost for run in good)
+        self.runs = len(finished)
+        self.frames = sum(run.frames for run in finished)
+        self.lost = sum(run.lost for run in finished)
         self.overlap = f"{np.mean(overlaps):.3f}" if overlaps else ""
-        # Seconds per frame; 0 if no run was timed.
-        self.seconds = sum(run.seconds for run in timed) / tracked if tracked else 0.0
+        # 0 if no run was timed
+        self.seconds_per_frame = sum(run.seconds for run in timed) / tracked if tracked else 0.0
 
 
 def _failure_line(done: TaskResult) -> str:

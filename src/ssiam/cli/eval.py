@@ -45,24 +45,25 @@ def evaluate(
     compare: Annotated[bool, Parameter(negative=())] = False,
     json_output: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> None:
-    """Measure raw results: A, R and EAO of VOT, or success of one-pass runs.
+    """Measure result files: A, R and EAO of VOT, or success of one-pass runs.
 
-    A, R and EAO are printed in two versions, whose numbers differ: as computed by pysot-toolkit,
-    with robustness as lost targets per 100 frames, which most papers report, and as computed by
-    the official vot-toolkit 0.7.4, with robustness as lost targets per sequence.
+    A is the mean overlap while tracked, R counts lost targets, and EAO is the expected average
+    overlap. They are printed in two versions, whose numbers differ: as pysot-toolkit computes
+    them, with R per 100 frames, which most papers report, and as the official vot-toolkit 0.7.4
+    computes them, with R per sequence.
 
     Parameters
     ----------
     results
         Folder of a tracker, with files baseline/SEQUENCE/SEQUENCE_001.txt, or a folder of such
-        folders. If it holds a shake.json of ssiam bench, the same shake is applied to the ground
-        truth.
+        folders, such as --out of ssiam bench. If it contains a shake.json of ssiam bench, the same
+        shake is applied to the ground truth.
     dataset
         The dataset: a folder, or pysot's .json file. Images are not needed, except for the first
         of each sequence if the results are shaken and the dataset does not give the frame size.
     year
-        Year of VOT that sets the range of sequence lengths for EAO; by default the one in the
-        dataset's name.
+        Year of VOT, which sets the sequence lengths over which EAO is averaged; by default the one
+        in the dataset's name.
     experiment
         Kind of runs: baseline or realtime (supervised, as in VOT), or ope (one pass), with the
         measures of OTB, LaSOT and GOT-10k. One-pass results are files SEQUENCE.txt (1-based
@@ -99,20 +100,22 @@ def evaluate(
 
 
 def _one_pass(results: Path, sequences: Sequence[VideoSequence], json_output: bool) -> None:
-    inside = sorted(path for path in results.iterdir() if path.is_dir() and holds_one_pass(path))
-    direct = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
+    subfolders = sorted(
+        path for path in results.iterdir() if path.is_dir() and holds_one_pass(path)
+    )
+    has_sequences = any((results / f"{each.name}.txt").is_file() for each in sequences) or any(
         (results / each.name).is_dir() for each in sequences
     )
-    alone = direct or (results / "ope").is_dir() or (results / "unsupervised").is_dir()
-    folders = [results] if alone else inside
+    is_tracker = has_sequences or (results / "ope").is_dir() or (results / "unsupervised").is_dir()
+    folders = [results] if is_tracker else subfolders
     if not folders:
         raise ResultsError(f"{results}: neither it nor a folder in it holds one-pass results")
     reports, omitted = _measure_all(folders, lambda folder: one_pass(folder, sequences))
     for each in reports:
         _warn(each.notes)
     if json_output:
-        found = {each.name: each.as_dict() for each in reports}
-        print(json.dumps(reports[0].as_dict() if alone else {"trackers": found}))
+        by_name = {each.name: each.as_dict() for each in reports}
+        print(json.dumps(reports[0].as_dict() if is_tracker else {"trackers": by_name}))
     else:
         _console().print(one_pass_table(reports))
     _check_complete(omitted, len(folders))

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.options import report_left_parts, split_words
+from ssiam.cli.options import report_leftover_parts, split_words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_distinct, check_output, is_stream, leftover_parts
@@ -31,23 +31,24 @@ def export(
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     stream: int | None = None,
 ) -> None:
-    """Export the results of ssiam track to an annotation tool.
+    """Export the results of ssiam track to the format of an annotation tool.
 
-    The formats need the frame size and frame rate of the video: give the video, or both values.
+    The formats contain the frame size and frame rate of the video: give --video, or both --size and
+    --fps.
 
     Parameters
     ----------
     results
         File written by ssiam track --results: .csv or .jsonl.
     to
-        cvat: XML, "CVAT for video 1.1". coco: JSON. labelstudio: JSON of a task. got10k: zip with
-        one folder per target.
+        Format of --out. cvat: XML, "CVAT for video 1.1". coco: JSON. labelstudio: JSON of a task.
+        got10k: zip with one folder per target.
     out
         File to write.
     video
-        The tracked video, which gives frame size and rate.
+        The tracked video, from which frame size and frame rate are read.
     size
-        Width and height of its frames in pixels: 1280x720.
+        Width and height of the video's frames in pixels: 1280x720.
     fps
         Frames per second: 25, 29.97 or 30000/1001.
     names
@@ -56,7 +57,7 @@ def export(
         Index of the tracked video stream of --video, from 0; by default the one with the most
         pixels.
     overwrite
-        Replace an existing file; without this option it is refused.
+        Replace an existing file; without this option ssiam does not start.
     """
     inputs = [("results", results)]
     if video is None:
@@ -64,10 +65,10 @@ def export(
     else:
         check_distinct_from_source([("--out", out)], video, inputs)
     check_output(out, overwrite=overwrite)
-    report_left_parts(leftover_parts(out))
+    report_leftover_parts(leftover_parts(out))
     video_info = _video_info(video, size, fps, stream)
-    named = None if names is None else split_words(names)
-    annotations = read_annotations(results, video_info.size_wh, video_info.fps, named)
+    target_names = None if names is None else split_words(names)
+    annotations = read_annotations(results, video_info.size_wh, video_info.fps, target_names)
     write_exports(annotations, out, to, video_info.name, overwrite=overwrite)
     print(
         f"{results}: {len(annotations.tracks())} targets in {annotations.frame_count} frames, "

@@ -19,7 +19,7 @@ from ssiam.cli.options import (
     StabilizationOptions,
     TrackerOptions,
     parse_levels,
-    report_left_parts,
+    report_leftover_parts,
 )
 from ssiam.errors import IncompleteError
 from ssiam.outputs import NamedPath, check_output, leftover_parts
@@ -68,21 +68,21 @@ def live(
     token
         Require a token on this machine too.
     pace
-        Pace of a file: clock for its own frame times, fast for the speed of the tracker.
+        Pace of a file: clock plays it by its frame times, fast as fast as the tracker runs.
     recordings
-        Folder for recordings; without this option they are deleted at the end.
+        Folder in which recordings are kept; without this option they are deleted at the end.
     stream
         Index of the video stream, from 0; by default the one with the most pixels.
     levels
-        Values shown as black and white, for sources with more than 8 bits per value, such as
-        thermal cameras: 7000,8500. By default estimated from the first frame.
+        LOW,HIGH: the values shown as black and as white, for sources with more than 8 bits per
+        value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     mavlink
-        Serve a ground station as a tracking camera: udpout:127.0.0.1:14550, or another MAVLink
-        connection.
+        MAVLink connection to a ground station, for which ssiam is then a tracking camera:
+        udpout:127.0.0.1:14550, for example.
     rerun
-        Log everything to this file for the Rerun viewer: .rrd.
+        File for the Rerun viewer, .rrd, to which frames, boxes and camera motion are logged.
     overwrite
-        Replace an existing file of --rerun; without this option it is refused.
+        Let --rerun replace an existing file; without this option ssiam does not start.
     """
     from ssiam.web.server.serving import LiveServer
 
@@ -135,7 +135,7 @@ def _check_outputs(
     check_distinct_from_source(outputs, source, weights)
     if rerun is not None:
         check_output(rerun, overwrite=overwrite)
-        report_left_parts(leftover_parts(rerun))
+        report_leftover_parts(leftover_parts(rerun))
 
 
 def _exit_if_stuck(

@@ -30,7 +30,6 @@ StabilizationOptions: TypeAlias = Annotated[
 
 DEFAULT_STABILIZATION = StabilizerConfig()
 
-
 # Flags of the parts of `StabilizerConfig` have no prefix: --thx1, --no-choose.
 Parameter(name="*", group=Group("Stabilization: paper and literal", sort_key=11))(PaperConfig)
 Parameter(name="*", group=Group("Stabilization: predict", sort_key=12))(PredictConfig)
@@ -44,9 +43,10 @@ class TrackerOptions:
     Parameters
     ----------
     tracker
-        The tracker that runs on the stabilized view.
+        The tracker that runs on the stabilized view. lite, csrt, kcf and mil need no weights.
     weights
-        File or folder of the tracker's networks, for trackers that have any.
+        File or folder of the tracker's weights. By default those of ssiam weights import, or
+        those in ./weights.
     runtime
         Library that runs the networks.
     threads
@@ -54,7 +54,7 @@ class TrackerOptions:
         the tracker runs.
     precision
         Precision of the networks' arithmetic: bf16 is faster on CPUs that support it, int8 needs
-        files exported with --precision int8.
+        weights of ssiam weights export --precision int8.
     device
         Device that runs the networks, by default the CPU. onnxruntime supports cuda, tensorrt and
         coreml, torch supports cuda and mps.
@@ -162,12 +162,12 @@ def _strengths(text: str) -> list[float]:
 
 
 def check_results_folder(out: Path, datasets: Iterable[Path], weights: Iterable[Path] = ()) -> None:
-    """Raise `ArgumentError` if the folder of results is a dataset or holds weights."""
+    """Raise `ArgumentError` if --out is the folder of a dataset or of weights."""
     inputs = [("the dataset", path) for path in datasets]
     check_distinct([("--out", out)], [*inputs, *(("the weights", path) for path in weights)])
 
 
-def report_left_parts(parts: Iterable[Path]) -> None:
+def report_leftover_parts(parts: Iterable[Path]) -> None:
     """List the partial outputs of unfinished runs on standard error."""
     for part in parts:
         print(

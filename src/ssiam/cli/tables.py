@@ -44,7 +44,7 @@ def tables(
     """Make tables 1 to 4 and figures 3, 4 and 6 of the paper from results of ssiam bench.
 
     Prints the tables, and writes tables.md, tables.html (a self-contained page) and the figures.
-    Missing results are listed, available ones are used.
+    Tables are made from the results that exist; missing ones are listed.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def tables(
         The dataset of the results, a folder or pysot's .json file. Repeat for further datasets.
         A, R and EAO are reported for VOT's datasets, lost targets and overlaps for others.
     out
-        Folder to write to; by default tables in the folder of the results.
+        Folder to write to; by default RESULTS/tables.
     figures
-        Draw the figures; needs matplotlib and, for two of them, the frames of the dataset.
+        Draw the figures. This needs matplotlib, and figures 3 and 4 need the dataset's images.
     """
     folder = out or results / "tables"
     check_results_folder(folder, dataset)

@@ -31,7 +31,7 @@ from ssiam.cli.options import (
     StabilizationOptions,
     TrackerOptions,
     parse_levels,
-    report_left_parts,
+    report_leftover_parts,
 )
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.errors import ArgumentError, IncompleteError, StreamError, one_line
@@ -43,7 +43,7 @@ from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 _log = logging.getLogger(__name__)
 
 _OUTPUT_GROUP = Group("Output", sort_key=2)
-_SMOOTHING = 0.9  # of the running mean of the time per frame
+_SMOOTHING = 0.9  # weight of the past in the running mean of the time per frame
 
 
 def track(
@@ -69,12 +69,12 @@ def track(
     """Track targets through a video from a moving camera.
 
     Without --out, --results and --plot, the annotated video and a CSV file are written to the
-    current folder. They are named after the source and numbered: clip-tracked.mp4,
-    clip-tracked-2.mp4.
+    current folder. They are named after the source, and numbered if such files exist:
+    clip-tracked.mp4, clip-tracked-2.mp4.
 
-    Each output grows as NAME.part.EXT and is renamed at the end, also after Ctrl-C. If a run is
-    killed, its partial video plays and its partial results consist of complete lines. An output
-    may not be an input.
+    Each output is written to NAME.part.EXT, which is renamed at the end, also after Ctrl-C. If a
+    run is killed, its partial video can be played and its partial results consist of complete
+    lines. An output must not be an input.
 
     Parameters
     ----------
@@ -85,24 +85,27 @@ def track(
         Target in the first frame: x,y,width,height in pixels, with x and y of its top left corner.
         Repeat for further targets.
     out
-        Video to write: .mp4 (H.264), .mkv or .avi. The sound of the source is copied.
+        Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
+        copied.
     results
         Results to write: .csv, .jsonl or .txt.
     layout
-        Layout of a .txt file: otb (x,y,w,h, 1-based), mot, or vot.
+        Layout of a .txt file: otb (x,y,w,h, 1-based; the default), mot (MOTChallenge, 1-based) or
+        vot (0-based).
     plot
         Plot of the camera path and its stabilization: .png, .svg or .pdf.
     side_by_side
         Show the stabilized view next to the raw frame in the video.
     overwrite
-        Replace existing files; without this option they are refused.
+        Replace existing files; without this option ssiam does not start.
     raw
-        Size, pixel format and rate of headerless frames: 640x360,bgr24,30.
+        SIZE,PIXEL_FORMAT,FPS of raw frames without a header, in a file or from standard input:
+        640x360,bgr24,30.
     stream
         Index of the video stream, from 0; by default the one with the most pixels.
     levels
-        Values shown as black and white, for sources with more than 8 bits per value, such as
-        thermal cameras: 7000,8500. By default estimated from the first frames.
+        LOW,HIGH: the values shown as black and as white, for sources with more than 8 bits per
+        value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
     boxes = [_box(text) for text in box]
     if out is None and results is None and plot is None:
@@ -110,7 +113,7 @@ def track(
     else:
         paths = OutputPaths.explicit(out, results, plot, layout, len(boxes), overwrite)
     paths.check(source, tracker_options.weight_files())
-    report_left_parts(paths.leftover_parts)
+    report_leftover_parts(paths.leftover_parts)
     with ExitStack() as stack:
         frames = stack.enter_context(
             open_source(

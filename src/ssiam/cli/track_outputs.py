@@ -57,15 +57,15 @@ class OutputPaths:
     @classmethod
     def default(cls, stem: str, targets: int, overwrite: bool) -> OutputPaths:
         """``STEM-tracked.mp4`` and ``.csv`` in the current folder, numbered to be unused."""
-        left: list[Path] = []
+        leftovers: list[Path] = []
         for number in count(1):
             name = f"{stem}-tracked" if number == 1 else f"{stem}-tracked-{number}"
             video, results = Path(f"{name}.mp4"), Path(f"{name}.csv")
             parts = [part for path in (video, results) for part in leftover_parts(path)]
-            left += parts
+            leftovers += parts
             if overwrite or not (parts or video.exists() or results.exists()):
-                return cls(video, results, None, None, targets, overwrite, tuple(left))
-        raise AssertionError("unreachable: the names do not end")
+                return cls(video, results, None, None, targets, overwrite, tuple(leftovers))
+        raise AssertionError("unreachable: the loop is infinite")
 
     @classmethod
     def explicit(
@@ -79,8 +79,8 @@ class OutputPaths:
     ) -> OutputPaths:
         """The paths given by the user; `SinkError` for an unknown kind of results."""
         chosen = cls(video, results, plot, layout, targets, overwrite)
-        left = [part for _, path in chosen.files() for part in leftover_parts(path)]
-        return replace(chosen, leftover_parts=tuple(left))
+        leftovers = [part for _, path in chosen.files() for part in leftover_parts(path)]
+        return replace(chosen, leftover_parts=tuple(leftovers))
 
     def files(self) -> list[NamedPath]:
         """All files to be written, with their options."""
@@ -99,7 +99,7 @@ class OutputPaths:
         ArgumentError
             An output is an input, or two outputs are one file.
         SinkError
-            An output cannot be written, or exists and is not to be overwritten.
+            An output cannot be written, or exists and must not be replaced.
         """
         check_distinct_from_source(self.files(), source, weights)
         for _, path in self.files():
@@ -110,8 +110,15 @@ class Outputs:
     """The video, the results and the plot of one run, each optional; a context manager.
 
     All of them are opened on construction, so that an unwritable one fails before any work is
-    done. Each is renamed to its final name when it is complete, also after Ctrl-C. If one of them
-    fails to be written, all remain in their parts.
+    done. Each is renamed to its final name on exit, also after Ctrl-C. If writing one of them
+    fails, all remain as part files.
+
+    Raises
+    ------
+    MissingExtraError
+        A plot is requested, and matplotlib is not installed.
+    SinkError
+        On construction, writing or exit: an output cannot be written.
     """
 
     def __init__(
@@ -144,7 +151,7 @@ class Outputs:
             stack.pop_all()
 
     def locations(self) -> list[tuple[str, Path]]:
-        """Kind and current path of each output: its name or its part."""
+        """Kind and current path of each output, which is a part file before the end."""
         video, plot = self._video and self._video.location, self._plot and self._plot.location
         found = [("video", video)] if video else []
         found += [("results", path) for path in (self._results.locations if self._results else ())]
@@ -152,7 +159,7 @@ class Outputs:
 
     @property
     def notes(self) -> list[str]:
-        """What the video lacks, one line each; complete after the outputs are closed."""
+        """Omitted sound and frames of the video, one line each; complete after the end."""
         if not self._video:
             return []
         no_sound, dropped = self._video.sound_omitted, self._video.dropped_frames

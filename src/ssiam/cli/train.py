@@ -10,8 +10,8 @@ from ssiam.errors import MissingExtraError
 def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = None) -> None:
     """Train the network of the lite tracker.
 
-    After an interruption, start the same command again to continue from the last checkpoint. The
-    finished folder holds weights.pth and the .onnx files that the tracker runs.
+    After an interruption, start the same command again to continue from the last checkpoint. At the
+    end the output folder contains weights.pth and the .onnx files, for --weights of ssiam track.
 
     Parameters
     ----------
@@ -19,9 +19,9 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         TOML file; configs/lite.toml shows all settings. Its paths are relative to the current
         folder.
     out
-        Folder for checkpoint, metrics and network; by default runs/NAME, with the config's name.
+        Folder for checkpoint, metrics and network; by default runs/NAME for a config NAME.toml.
     so_far
-        Do not train, but write the network of the last checkpoint to this folder, to test it.
+        Do not train. Write the network of the last checkpoint to this folder, to test it.
     """
     try:
         import ssiam.networks  # noqa: F401

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +28,7 @@ def tune(
     parameter: Annotated[list[str] | None, Parameter(negative=())] = None,
     seed: int = 0,
 ) -> None:
-    """Search the stabilization parameters that lose the fewest targets.
+    """Search for the stabilization parameters that lose the fewest targets.
 
     Each trial runs the trackers over the whole dataset, with a restart five frames after each
     loss. The best trial has the fewest lost targets and, among equals, the largest mean overlap.
@@ -39,7 +40,7 @@ def tune(
     dataset
         Folder or file of a dataset, as for ssiam bench.
     trackers
-        Comma-separated names; their lost targets are summed.
+        Comma-separated names of trackers; their lost targets are summed.
     out
         Folder for Optuna's study.db and the results of all runs.
     trials
@@ -47,7 +48,7 @@ def tune(
     jobs
         Number of parallel runs within a trial, each in its own process.
     weights
-        NAME=PATH of a tracker's networks. Repeat for further trackers.
+        NAME=PATH: a tracker and the file or folder of its weights. Repeat for further trackers.
     parameter
         Parameter to search, NAME=LOW:HIGH or NAME=WORD,WORD, such as thx1=20:120, window=5:60 or
         keypoints=orb,direct. Repeat for further parameters. By default the thresholds of the
@@ -64,8 +65,10 @@ def tune(
     search_space = tuple(
         parameters.Parameter.parse(text) for text in parameter or parameters.TABLE_3
     )
-    if len({each.name for each in search_space}) < len(search_space):
-        raise ArgumentError("a --parameter is given twice: give each name once")
+    counts = Counter(each.name for each in search_space)
+    for name, count in counts.items():
+        if count > 1:
+            raise ArgumentError(f"--parameter {name} is given twice: give each name once")
     paths = parse_weights(weights or [])
     check_results_folder(out, [dataset], paths.values())
     search = Search(dataset, names, search_space, out, paths, seed)

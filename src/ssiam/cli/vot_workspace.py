@@ -44,13 +44,13 @@ def vot_workspace(
     stabilize
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
-        NAME=PATH of a tracker's networks. Repeat for further trackers.
+        NAME=PATH: a tracker and the file or folder of its weights. Repeat for further trackers.
     stack
-        Experiments to run: a stack of the toolkit, such as vot2018/shortterm, or a stack file; by
+        Experiments to run: a stack of the toolkit, such as vot2018/shortterm, or a stack file. By
         default one supervised experiment with an EAO interval that fits the sequences.
     sequences
-        Folder of sequences in VOT's layout, which is linked, not copied; by default
-        FOLDER/sequences, or the toolkit downloads those of its stack.
+        Folder of sequences in VOT's layout; they are listed in the workspace, not copied. By
+        default FOLDER/sequences; if it does not exist, the toolkit downloads those of its stack.
     force
         Replace existing files.
     """

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from cyclopts import App, Parameter
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.geometry import Image
 from ssiam.outputs import NamedPath, check_distinct, output_error
 from ssiam.runtime import MODEL_ZOO
 from ssiam.runtime.files import cache_folder
@@ -22,7 +23,7 @@ from ssiam.video.source_files import check_distinct_from_source
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
 _CALIBRATION_IMAGES: Final = 64  # read for calibration, evenly spaced
 
-weights = App(name="weights", help="List, import and export the weights of the networks.")
+weights = App(name="weights", help="List, import and export the weights of the trackers.")
 
 
 @weights.command(name="list")
@@ -64,10 +65,10 @@ def import_(
     file
         The .pth file, or a folder written by ssiam weights export.
     tracker
-        The tracker, if several have the same network (siammask_...). By default the tracker named
-        like the network.
+        Tracker for which they are stored, if several have the same network (siammask_...). By
+        default the tracker that is named like the network.
     folder
-        Folder to store them in. By default weights in the user's cache folder.
+        Folder to store them in. By default the folder weights in the user's cache folder.
     """
     network = _network_of(file)
     name = network if tracker is None else tracker
@@ -98,11 +99,13 @@ def export(
     *,
     out: Path = Path("weights"),
     precision: Literal["f32", "int8"] = "f32",
-    pictures: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    calibration_source: Annotated[
+        str | None, Parameter(name="--pictures", allow_leading_hyphen=True)
+    ] = None,
 ) -> None:
-    """Export a network of an authors' .pth file to ONNX, for OpenVINO and ONNX Runtime.
+    """Export the network of an authors' .pth file to ONNX, for OpenVINO and ONNX Runtime.
 
-    The output of the files is compared with PyTorch before they are stored.
+    The exported files are stored only if their outputs agree with PyTorch's.
 
     Parameters
     ----------
@@ -113,25 +116,25 @@ def export(
     out
         Folder in which a folder named after the tracker is written.
     precision
-        int8 quantizes the parts that run on every frame.
-    pictures
-        For int8: video or folder of images similar to those to be tracked, used for calibration.
+        int8 quantizes the parts that run on every frame, and needs --pictures.
+    calibration_source
+        Video or folder of images to calibrate int8 on, similar to those that will be tracked.
     """
     known = [each for each in MODEL_ZOO if not each.startswith("nanotrack")]
     tracker = check_choice("tracker with a .pth file", name, known)
-    _check_folder("--out", out / tracker, [("the weights", file)], pictures)
-    images = [] if pictures is None else _read(pictures)
+    _check_folder("--out", out / tracker, [("the weights", file)], calibration_source)
+    images = [] if calibration_source is None else _calibration_images(calibration_source)
     _export(file, out / tracker, tracker, precision, images)
     print(f"{file}: {MODEL_ZOO[tracker].network}, {precision}, written to {out / tracker}")
 
 
 def _export(
-    file: Path, target: Path, name: str, precision: Literal["f32", "int8"], pictures: Any
+    file: Path, target: Path, name: str, precision: Literal["f32", "int8"], images: Sequence[Image]
 ) -> None:
     from ssiam.runtime.export import export_network
 
     network = MODEL_ZOO[name].network
-    export_network(file, target, name=name, network=network, precision=precision, images=pictures)
+    export_network(file, target, name=name, network=network, precision=precision, images=images)
 
 
 def _network_of(file: Path) -> str:
@@ -149,15 +152,15 @@ def _network_of(file: Path) -> str:
     return read_checkpoint(file).name
 
 
-def _read(pictures: str) -> list[Any]:
+def _calibration_images(source: str) -> list[Image]:
     """Frames of a source, spread over all of it if its length is known."""
     from ssiam.video import open_source
 
-    with open_source(pictures) as frames:
+    with open_source(source) as frames:
         step = max((frames.length or 0) // _CALIBRATION_IMAGES, 1)
         found = [frame.image for frame in islice(frames, 0, step * _CALIBRATION_IMAGES, step)]
     if not found:
-        raise ArgumentError(f"--pictures {pictures}: contains no images")
+        raise ArgumentError(f"--pictures {source}: contains no images")
     return found
 
 
@@ -172,7 +175,7 @@ def _description(folder: Path) -> str:
 
 
 def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
-    """Copy files into a folder, replacing others only after all of them are complete."""
+    """Copy files into a folder; existing ones are replaced after all copies are complete."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
@@ -189,12 +192,12 @@ def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) ->
 
 
 def _check_folder(
-    option: str, folder: Path, inputs: list[NamedPath], pictures: str | None = None
+    option: str, folder: Path, inputs: list[NamedPath], source: str | None = None
 ) -> None:
     """Refuse a folder in which the export would replace its own input."""
     names = (*(f"{piece}.onnx" for piece in _PIECES), MANIFEST_FILE)
     outputs = [(option, folder), *((option, folder / name) for name in names)]
-    if pictures is None:
+    if source is None:
         check_distinct(outputs, inputs)
     else:
-        check_distinct_from_source(outputs, pictures, inputs)
+        check_distinct_from_source(outputs, source, inputs)

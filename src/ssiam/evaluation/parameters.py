@@ -16,7 +16,7 @@ _FIELDS: Final = tuple(name for name, value in _DEFAULTS.items() if not isinstan
 # Step between two values, pixels; all other fields that are not integers have _FINE_STEP.
 _STEPS: Final = {"thx1": 1.0, "thy1": 1.0, "thx2": 1.0, "thy2": 1.0}
 _FINE_STEP: Final = 0.01
-_DECIMALS: Final = 6  # hides rounding errors of steps of .01
+_DECIMALS: Final = 6  # removes rounding errors of steps of .01
 # Tied in Table 3 of the paper: the threshold of y is half the threshold of x.
 _TIED: Final = {"thx1": "thy1", "thx2": "thy2"}
 
@@ -100,7 +100,7 @@ def track_flags(config: StabilizerConfig) -> str:
 
 
 def _range(name: str, values: str, text: str) -> Parameter:
-    whole = is_whole(name)
+    is_integer = is_whole(name)
     try:
         low, high = (float(word) for word in values.split(":"))
     except ValueError:
@@ -109,10 +109,10 @@ def _range(name: str, values: str, text: str) -> Parameter:
         ) from None
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise ArgumentError(f"{text!r}: the first number must be below the second")
-    if whole and not (low.is_integer() and high.is_integer()):
+    if is_integer and not (low.is_integer() and high.is_integer()):
         raise ArgumentError(f"{text!r}: {name} must be a whole number")
-    _check(name, int(low) if whole else low)
-    step = 1.0 if whole else _STEPS.get(name, _FINE_STEP)
+    _check(name, int(low) if is_integer else low)
+    step = 1.0 if is_integer else _STEPS.get(name, _FINE_STEP)
     steps = math.floor((high - low) / step + 1e-9)
     if steps == 0:
         raise ArgumentError(

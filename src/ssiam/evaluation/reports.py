@@ -38,7 +38,7 @@ from ssiam.evaluation.runs.result_files import (
     vot_path,
 )
 
-# The tag that stabilization is about; it is listed before the others.
+# The tag of frames with camera motion, which stabilization is for; it is listed first.
 _FIRST_TAG = "camera_motion"
 _MISSING = "-"
 # Key in JSON and tables -> attribute of `OnePassReport`.
@@ -117,7 +117,7 @@ def report(results: TrackerResults, interval: Interval) -> TrackerReport:
         by_tag={tag: pysot.scores(measured, interval, tag) for tag in _tags(results.tracked)},
         accuracy={each.tracked.name: each.accuracy for each in measured},
         lost={each.name: each.lost for each in results.tracked},
-        notes=(*results.notes, *_short_notes(results, interval)),
+        notes=(*results.notes, *_interval_notes(results, interval)),
     )
 
 
@@ -149,7 +149,7 @@ def scores_table(reports: Iterable[TrackerReport]) -> Table:
 
 def tags_table(reports: Iterable[TrackerReport]) -> Table:
     """A table with a row per tracker and tag, pysot's conventions."""
-    table = Table("tracker", "frames that carry", title="by tag, pysot's conventions")
+    table = Table("tracker", "tag", title="by tag, pysot's conventions")
     for column in ("A", "R /100", "EAO", "lost", "frames"):
         table.add_column(column, justify="right")
     for each in reports:
@@ -160,9 +160,9 @@ def tags_table(reports: Iterable[TrackerReport]) -> Table:
 
 
 def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
-    """A table with a row per comparison: differences with their 95 % intervals."""
-    table = Table("tracker", "minus", title="difference, 95 % of the resampled sequences within")
-    for column in ("accuracy", "within", "worse in", "lost", "within", "fewer in"):
+    """A table with a row per comparison: differences with their 95 % bootstrap intervals."""
+    table = Table("tracker", "minus", title="differences, with shares of the resampled sequences")
+    for column in ("accuracy", "95 % within", "lower in", "lost", "95 % within", "fewer in"):
         table.add_column(column, justify="right")
     for each in comparisons:
         table.add_row(
@@ -174,7 +174,8 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
     return table
 
 
-def _short_notes(results: TrackerResults, interval: Interval) -> list[str]:
+def _interval_notes(results: TrackerResults, interval: Interval) -> list[str]:
+    """A line if no run is as long as the end of the EAO interval."""
     longest = max(len(run) for each in results.tracked for run in each.runs)
     if longest > interval.high:
         return []
@@ -202,8 +203,8 @@ def _cells(found: Scores) -> tuple[str, str, str, str]:
 
 
 def _difference_cells(found: Difference, decimals: int) -> tuple[str, str, str]:
-    within = f"{found.low:+.{decimals}f} .. {found.high:+.{decimals}f}"
-    return f"{found.value:+.{decimals}f}", within, f"{100 * found.share_below_zero:.1f} %"
+    interval = f"{found.low:+.{decimals}f} .. {found.high:+.{decimals}f}"
+    return f"{found.value:+.{decimals}f}", interval, f"{100 * found.share_below_zero:.1f} %"
 
 
 def _plain(found: Scores | Difference) -> dict[str, float | None]:
@@ -219,8 +220,8 @@ class OnePassReport:
     ----------
     name : str
     success, precision, normalized_precision : float
-        OTB and LaSOT: area under the success curve, and share of the frames whose center is within
-        20 pixels, or within .2 of the target's size; means over the sequences.
+        OTB and LaSOT: area under the success curve, and shares of the frames whose center distance
+        is at most 20 pixels, or at most .2 of the target's size; means over the sequences.
     ao, sr50, sr75 : float
         GOT-10k: mean overlap, and shares of frames above .5 and .75; over all frames.
     sequences : int
@@ -294,7 +295,7 @@ def one_pass_table(reports: Sequence[OnePassReport]) -> Table:
     for each in reports:
         figures = each.as_dict().values()
         cells = (f"{value:.3f}" if isinstance(value, float) else str(value) for value in figures)
-        table.add_row(each.name, *cells)
+        table.add_row(escape(each.name), *cells)
     return table
 
 
@@ -318,7 +319,7 @@ def _runs(folder: Path, name: str) -> list[Trajectory]:
 
 
 def _boxes(run: Trajectory, truth: Floats) -> Floats:
-    """Boxes (N, 4) of a run, as many as the ground truth has, which also replaces starts."""
+    """Boxes (N, 4) of a run, one per frame of the ground truth, and the true box at a start."""
     count = min(len(run), len(truth))
     boxes = np.full((len(truth), 4), np.nan)
     started = np.flatnonzero(run.status[:count] == Status.INITIALIZED)

@@ -1,6 +1,6 @@
 """`tune`: search the settings of `StabilizerConfig` for a tracker and its footage with Optuna.
 
-The search is kept in a file and resumed after an interruption with the same result.
+The search is stored in a file. After an interruption it is resumed, with the same result.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class FinishedTrial:
     def cost(self) -> float:
         """The minimized cost, ``lost - overlap``.
 
-        The overlap is at most 1, so it only decides between trials with as many lost targets.
+        The overlap is at most 1, so it only decides between trials with equally many lost targets.
         """
         return self.lost - self.overlap
 
@@ -93,9 +93,10 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[FinishedTrial]:
     """Search until `trials` trials are finished, and yield each, those of earlier calls first.
 
     The first trial uses the paper's values if the parameters allow them; Optuna's TPE chooses the
-    others. An interrupted search resumes where it stopped and gives the same result as one that was
-    not: the choice depends only on the seed and the finished trials. An interrupted trial is
-    repeated, but not its finished runs. Only one process at a time may search in a folder.
+    others. An interrupted search resumes where it stopped, and gives the same result as an
+    uninterrupted one, because the choice depends only on the seed and the finished trials. An
+    interrupted trial is repeated, except its finished runs. Only one process at a time may search
+    in a folder.
 
     Parameters
     ----------
@@ -133,7 +134,7 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[FinishedTrial]:
 
 
 def _identity(search: Search) -> dict[str, Any]:
-    """What identifies a search, as JSON."""
+    """The values that identify a search; JSON can hold them."""
     return {
         "trackers": list(search.trackers),
         "parameters": [str(each) for each in search.parameters],
@@ -198,7 +199,7 @@ def _open_study(path: Path, search: Mapping[str, Any]) -> Any:
     differing = [name for name in search if earlier.get(name) != search[name]]
     if differing:
         raise TuningError(
-            f"{path}: is a search with other {' and '.join(differing)}; give another --out"
+            f"{path}: belongs to a search with other {' and '.join(differing)}; give another --out"
         )
     for trial in study.get_trials(states=[optuna.trial.TrialState.RUNNING]):
         study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
@@ -239,7 +240,7 @@ def _one_line_errors(path: Path) -> Iterator[None]:
             raise
         raise TuningError(
             f"{path}: cannot be used ({str(error).splitlines()[0]}); if it is damaged, delete it: "
-            "the runs beside it are kept"
+            "the result files are kept"
         ) from error
 
 

@@ -95,9 +95,11 @@ class Annotations:
             raise ArgumentError(
                 f"frame rate {self.fps} is not a positive number of frames per second"
             )
-        most = max((row.target for row in self.rows), default=0)
-        if most > len(self.names):
-            raise ArgumentError(f"{len(self.names)} names for {most} targets: give each one a name")
+        targets = max((row.target for row in self.rows), default=0)
+        if targets > len(self.names):
+            raise ArgumentError(
+                f"{len(self.names)} names for {targets} targets: give each one a name"
+            )
 
     @cached_property
     def frame_count(self) -> int:
@@ -106,8 +108,8 @@ class Annotations:
 
     def name(self, target: int) -> str:
         """The target's name, without unprintable characters, which some formats cannot hold."""
-        shown = "".join(c if c.isprintable() else "\ufffd" for c in self.names[target - 1])
-        return shown or f"target {target}"
+        printable = "".join(c if c.isprintable() else "\ufffd" for c in self.names[target - 1])
+        return printable or f"target {target}"
 
     def tracks(self) -> dict[int, list[Annotation]]:
         """Rows by target, sorted by target and frame."""
@@ -120,17 +122,17 @@ class Annotations:
 def annotation_from_track(
     frame_index: int, time: float | None, target: int, track: Track
 ) -> Annotation:
-    """The annotation of a target (from 1) in a frame (from 0) at `time` seconds.
+    """The annotation of target number `target` (from 1) in a frame (from 0) at `time` seconds.
 
     A box that is not finite counts as lost, without a box.
     """
-    finite = all(map(math.isfinite, track.box))
+    is_finite = all(map(math.isfinite, track.box))
     corners = None
     if track.corners is not None and all(map(math.isfinite, track.corners.ravel())):
         corners = tuple((float(x), float(y)) for x, y in track.corners)
-    x, y, w, h = map(float, track.box if finite else NO_BOX)
+    x, y, w, h = map(float, track.box if is_finite else NO_BOX)
     score = float(track.score) if math.isfinite(track.score) else 0.0
-    lost = bool(track.lost) or not finite
+    lost = bool(track.lost) or not is_finite
     return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost)
 
 

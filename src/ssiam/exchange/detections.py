@@ -59,25 +59,25 @@ def detection_fields(tracks: Sequence[Track], ids: Sequence[int] | None = None) 
     if ids is not None and len(ids) != len(tracks):
         raise ArgumentError(f"{len(ids)} ids for {len(tracks)} tracks: give one id per track")
     numbers = range(1, len(tracks) + 1) if ids is None else ids
-    visible = {n: track for n, track in zip(numbers, tracks, strict=True) if _has_box(track)}
-    known = visible.values()
-    boxes = np.array([track.box for track in known], dtype=np.float32).reshape(-1, 4)
-    corners = np.array([_corners(track) for track in known], dtype=np.float32).reshape(-1, 4, 2)
-    masks = [track.mask for track in known if track.mask is not None]
+    by_number = {n: track for n, track in zip(numbers, tracks, strict=True) if has_box(track)}
+    visible = by_number.values()
+    boxes = np.array([track.box for track in visible], dtype=np.float32).reshape(-1, 4)
+    corners = np.array([_corners(track) for track in visible], dtype=np.float32).reshape(-1, 4, 2)
+    masks = [track.mask for track in visible if track.mask is not None]
     data = {"corners": corners}
-    if any(track.corners is not None for track in known):
+    if any(track.corners is not None for track in visible):
         data[_ORIENTED] = corners
     return {
         "xyxy": np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]),
-        "mask": np.stack(masks) if masks and len(masks) == len(known) else None,
-        "confidence": np.array([track.score for track in known], dtype=np.float32),
-        "tracker_id": np.array(list(visible), dtype=np.int64),
+        "mask": np.stack(masks) if masks and len(masks) == len(visible) else None,
+        "confidence": np.array([track.score for track in visible], dtype=np.float32),
+        "tracker_id": np.array(list(by_number), dtype=np.int64),
         "data": data,
     }
 
 
-def _has_box(track: Track) -> bool:
-    """Whether there is a box to display."""
+def has_box(track: Track) -> bool:
+    """Whether the track has a box to display: it is not lost, and its box is finite."""
     return not track.lost and bool(np.isfinite(track.box).all())
 
 

@@ -42,9 +42,9 @@ def write_labelstudio(
     Label Studio finds a frame by its time and the frame rate of its tag Video, so frame numbers
     are the frame times at the rate of `timeline`.
     """
-    line = timeline(annotations)
+    video_timeline = timeline(annotations)
     results = [
-        _result(annotations, line, target, rows)
+        _result(annotations, video_timeline, target, rows)
         for target, rows in annotations.tracks().items()
         if any(row.visible for row in rows)
     ]
@@ -54,43 +54,45 @@ def write_labelstudio(
 
 
 def _result(
-    annotations: Annotations, line: Timeline, target: int, rows: Sequence[Annotation]
+    annotations: Annotations, video_timeline: Timeline, target: int, rows: Sequence[Annotation]
 ) -> dict[str, Any]:
-    duration = float(line.count / line.fps)
+    duration = float(video_timeline.count / video_timeline.fps)
     return {
         "id": f"target-{target}",
         "type": "videorectangle",
         "from_name": "box",
         "to_name": "video",
         "value": {
-            "framesCount": line.count,
+            "framesCount": video_timeline.count,
             "duration": round(duration, _TIME_DECIMALS),
             "labels": [annotations.name(target)],
-            "sequence": list(_sequence(annotations, line, rows)),
+            "sequence": list(_sequence(annotations, video_timeline, rows)),
         },
     }
 
 
 def _sequence(
-    annotations: Annotations, line: Timeline, rows: Sequence[Annotation]
+    annotations: Annotations, video_timeline: Timeline, rows: Sequence[Annotation]
 ) -> Iterator[dict[str, Any]]:
     for run in visible_runs(rows):
         for row in run:
             enabled = row is not run[-1] or row.frame + 1 == annotations.frame_count
-            yield {"enabled": enabled} | _keyframe(annotations, line, row)
+            yield {"enabled": enabled} | _keyframe(annotations, video_timeline, row)
 
 
-def _keyframe(annotations: Annotations, line: Timeline, row: Annotation) -> dict[str, float | int]:
+def _keyframe(
+    annotations: Annotations, video_timeline: Timeline, row: Annotation
+) -> dict[str, float | int]:
     width, height = annotations.size_wh
     box = rotated_box(row)
     # Label Studio rotates a box about its top left corner and stores that corner.
     x, y = box.rotated_xy
     shares = (x / width, y / height, box.w / width, box.h / height)
     percent = rounded((100 * share for share in shares), _PERCENT_DECIMALS)
-    number = line.numbers[row.frame] + 1
+    number = video_timeline.numbers[row.frame] + 1
     return {
         "frame": number,
-        "time": round(float(number / line.fps), _TIME_DECIMALS),
+        "time": round(float(number / video_timeline.fps), _TIME_DECIMALS),
         **dict(zip(("x", "y", "width", "height"), percent, strict=True)),
         "rotation": full_circle(box.degrees),
     }
@@ -118,7 +120,7 @@ class Timeline:
 
 
 def timeline(annotations: Annotations) -> Timeline:
-    """The rate at which the times of the frames give each one a unique number.
+    """The timeline at a rate at which the times of the frames give each one a unique number.
 
     If some frames have no time, or times run backwards, the rate is taken as constant:
     ``number = frame``.
@@ -129,7 +131,8 @@ def timeline(annotations: Annotations) -> Timeline:
     frames = sorted({row.frame for row in annotations.rows})
     known = [times[frame] for frame in frames if frame in times]
     gaps = [after - before for before, after in pairwise(known)]
-    has_times = len(known) == len(frames) and min(gaps, default=1.0) > 0 and known[:1] >= [0.0]
+    starts_at_origin = bool(known) and known[0] >= 0.0
+    has_times = len(known) == len(frames) and min(gaps, default=1.0) > 0 and starts_at_origin
     if not has_times or _is_constant(times, annotations.fps):
         return Timeline(annotations.fps, annotations.frame_count, {f: f for f in frames})
     fps = _fps(annotations.fps, known, min(gaps, default=1.0))
@@ -147,7 +150,7 @@ def _is_constant(times: dict[int, float], fps: float | Fraction) -> bool:
 
 
 def _fps(nominal: float | Fraction, times: list[float], gap: float) -> float | Fraction:
-    """The first of some candidate rates at which each time is close to a unique frame number."""
+    """The first of several rates at which each time is close to a different frame number."""
     mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else nominal
     for fps in (nominal, Fraction(mean).limit_denominator(1001), Fraction(round(1 / gap))):
         if (

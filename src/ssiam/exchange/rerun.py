@@ -14,6 +14,7 @@ import numpy as np
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import ArgumentError, MissingExtraError, SinkError
+from ssiam.exchange.detections import has_box
 from ssiam.geometry import Image
 from ssiam.motion import Motion
 from ssiam.outputs import ClosedOnExit, PartFile
@@ -125,9 +126,9 @@ class RerunLog(NotCopyable, ClosedOnExit):
     def _log_boxes(
         self, tracks: Sequence[Track], names: Sequence[str], numbers: Sequence[int]
     ) -> None:
-        """Log the boxes of this frame, even if there are none: the last ones would remain."""
+        """Log the boxes of this frame, even if empty: the viewer keeps the last logged value."""
         rr = self._stream.rr
-        visible = [i for i, track in enumerate(tracks) if _has_box(track)]
+        visible = [i for i, track in enumerate(tracks) if has_box(track)]
         boxes = rr.Boxes2D(
             array=np.array([tracks[i].box for i in visible]).reshape(-1, 4),
             array_format=rr.Box2DFormat.XYWH,
@@ -146,10 +147,6 @@ class RerunLog(NotCopyable, ClosedOnExit):
         dx, dy, angle = motion.shift_angle
         for name, value in (("dx", dx), ("dy", dy), ("angle", angle)):
             self._stream.log_number(f"motion/{name}", value)
-
-
-def _has_box(track: Track) -> bool:
-    return not track.lost and bool(np.isfinite(track.box).all())
 
 
 class _RerunStream:
@@ -183,8 +180,8 @@ class _RerunStream:
         self._part = PartFile(path, overwrite=overwrite)
         # Version 0.23 renamed several functions.
         self._is_recent = hasattr(self.rr, "Scalars")
-        begin = self.rr.RecordingStream if self._is_recent else self.rr.new_recording
-        self._recording: Any = begin(_APPLICATION)
+        open_recording = self.rr.RecordingStream if self._is_recent else self.rr.new_recording
+        self._recording: Any = open_recording(_APPLICATION)
         self._copy = _PipeCopy(self._part.file) if _FILE_DESCRIPTORS.is_dir() else None
         self._save()
 
@@ -241,6 +238,13 @@ class _PipeCopy:
 
     The SDK does not report a failed write and hangs from then on: a full disk would stop the
     program. Writing to the pipe never fails.
+
+    Attributes
+    ----------
+    entry : Path
+        The write end, which the SDK opens like a file.
+    error : OSError or None
+        The failed write to the file, if there was one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -251,7 +255,7 @@ class _PipeCopy:
         self._thread.start()
 
     def close_own_end(self) -> None:
-        """Close this end of the pipe after the SDK has opened its own, with which it ends."""
+        """Close this write end, once the SDK has opened its own; the pipe ends with that one."""
         os.close(self._sink)
 
     def finish(self) -> None:
@@ -265,6 +269,6 @@ class _PipeCopy:
                     file.write(chunk)
         except OSError as error:
             self.error = error
-        while os.read(self._source, _CHUNK):
+        while os.read(self._source, _CHUNK):  # after an error: the SDK must not wait
             pass
         os.close(self._source)

@@ -68,12 +68,12 @@ def read_annotations(
             raise AnnotationsError(
                 f"{path}: line {number}: target {row.target} is in frame {row.frame} a second time"
             )
-    most = max((target for _, target in rows), default=0)
-    if names is not None and len(names) != most:
+    targets = max((target for _, target in rows), default=0)
+    if names is not None and len(names) != targets:
         raise ArgumentError(
-            f"{len(names)} names for the {most} targets of {path}: give one name per target"
+            f"{len(names)} names for the {targets} targets of {path}: give one name per target"
         )
-    named = [f"target {i}" for i in range(1, most + 1)] if names is None else names
+    named = [f"target {i}" for i in range(1, targets + 1)] if names is None else names
     return Annotations(size_wh, fps, tuple(named), tuple(rows.values()))
 
 
@@ -97,8 +97,8 @@ def _annotation(record: _Record) -> Annotation:
 def _whole(record: _Record, name: str, lowest: int, highest: int) -> int:
     value = record[name]
     if value is None or not value.is_integer() or not lowest <= value <= highest:
-        shown = "missing" if value is None else f"{value:g}"
-        raise ValueError(f"{name} is {shown}, not a whole number from {lowest} to {highest}")
+        text = "missing" if value is None else f"{value:g}"
+        raise ValueError(f"{name} is {text}, not a whole number from {lowest} to {highest}")
     return int(value)
 
 

@@ -1,4 +1,4 @@
-"""Frames from everything that FFmpeg can open, through PyAV."""
+"""`open_container`: the frames of any video that FFmpeg can open, through PyAV."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _HIGHEST_NOMINAL = 480
 _NO_TIMESTAMPS = 0x0080
 # Name suffixes of FFmpeg's image demuxers, which assume 25 images per second.
 _IMAGE_DEMUXERS = ("_pipe", "image2", "image2pipe")
-# A title in an unknown encoding must not make a file unreadable; PyAV 19 handles it by itself.
+# A title in an unknown encoding must not make a file unreadable. PyAV 19 needs no option for that.
 _METADATA: dict[str, Any] = (
     {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
 )
@@ -157,8 +157,8 @@ def open_container(given: Input) -> Source:
     decoder = Decoder(container, stream, truncation, info, time_source)
     images = _images(given, decoder, length)
     if rate.fps is None:
-        first, images = _peeked(images)
-        fps = _measured_rate(first) or fps
+        first_times, images = _peeked(images)
+        fps = _measured_rate(first_times) or fps
     converted = convert_to_8bit(
         given.name, images, info, given.levels, LEVEL_FRAMES if is_recording else 1
     )
@@ -282,23 +282,24 @@ def _measured_rate(times: list[float | None]) -> Fraction | None:
 
 
 def _peeked(images: DecodedImages) -> tuple[list[float | None], DecodedImages]:
-    """The times of the first images, and all images."""
-    held: list[Any] = []
+    """The times of the first images, and an iterator of all images, the first ones included."""
+    peeked: list[Any] = []
     error: SsiamError | None = None
     try:
-        held.extend(islice(images, _MEASURED_FRAMES))
+        peeked.extend(islice(images, _MEASURED_FRAMES))
     except SsiamError as raised:
         error = raised
+    times = [time for time, _ in peeked]
 
     def replayed() -> DecodedImages:
         with closing(images):
-            while held:
-                yield held.pop(0)
+            while peeked:  # releases each image
+                yield peeked.pop(0)
             if error is not None:
                 raise error
             yield from images
 
-    return [time for time, _ in held], replayed()
+    return times, replayed()
 
 
 def _images(given: Input, decoder: Decoder, length: int | None) -> DecodedImages:

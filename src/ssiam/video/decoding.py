@@ -45,7 +45,7 @@ _QUEUE_SIZE = 64
 # Seconds between two checks for whether the consumer has stopped.
 _POLL = 0.2
 
-# A packet, and the second (`time.monotonic`) of its arrival where that is needed.
+# A packet and its time of arrival (`time.monotonic`, seconds); 0 where the time is not used.
 _Arrived: TypeAlias = "tuple[Packet[Stream], float]"
 
 
@@ -113,11 +113,12 @@ class Decoder:
             self.info.sound.origin = origin
 
     def _time(
-        self, seconds: Fraction | None, origin: Fraction | None, arrived: float
+        self, seconds: Fraction | None, origin: Fraction | None, elapsed: float
     ) -> float | None:
+        """Seconds since the first frame, from the timestamps or from the times of arrival."""
         if self.time_source is TimeSource.STREAM:
             return None if seconds is None or origin is None else float(seconds - origin)
-        return arrived if self.time_source is TimeSource.ARRIVAL else None
+        return elapsed if self.time_source is TimeSource.ARRIVAL else None
 
     def _seconds(self, frame: VideoFrame, last: Fraction | None) -> Fraction | None:
         """Time of a frame that follows one at `last`, by the clock of the container."""

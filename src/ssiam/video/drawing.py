@@ -65,7 +65,8 @@ def draw_tracks(
     fps : float or None
         Frames per second, written in the upper right corner.
     numbers : sequence of int, optional
-        Numbers of the targets, from 1, if their number varies.
+        Number of each target, from 1, for targets that come and go; 1, 2, ... by default. With
+        `numbers`, a single target has a number too.
 
     Returns
     -------

@@ -22,7 +22,7 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
 # Frames per second of images that carry no times.
 _DEFAULT_FPS = Fraction(30)
-# Color where there is any, all bits, rotated according to EXIF.
+# BGR at the full bit depth, rotated according to EXIF.
 _UNCHANGED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 # OpenCV does not convert floating-point TIFF to color.
 _TIFF_UNCHANGED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
@@ -35,7 +35,7 @@ _DEFAULT_DURATION_MS = 100
 
 
 class UnreadableImage(Exception):
-    """An image file that cannot be read, or not to its end."""
+    """An image file that cannot be read, or only in part."""
 
 
 def open_folder(folder: Path, fps: Fraction = _DEFAULT_FPS, levels: Levels | None = None) -> Source:
@@ -139,8 +139,8 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     """
     try:
         count = _page_count(path)
-        # Not `cv2.imread`, which fails on non-Latin paths under Windows. No memory map either: if
-        # another program truncates the file meanwhile, the system ends this process (SIGBUS).
+        # Not `cv2.imread`, which fails on non-Latin paths under Windows, and not a memory map: if
+        # another program truncates a mapped file, the system ends this process (SIGBUS).
         data = np.fromfile(path, dtype=np.uint8)
         head = data[:32].tobytes()
         if head[:4] in _TIFF_MAGIC:
@@ -207,16 +207,16 @@ def _tiff_pages(file: BinaryIO, head: bytes) -> int:
     is_big = head[2:4] in (b"+\0", b"\0+")
     count_format, entry_size, offset_format = ("Q", 20, "Q") if is_big else ("H", 12, "I")
     (offset,) = struct.unpack_from(order + offset_format, head, 8 if is_big else 4)
-    seen: set[int] = set()
-    while offset and offset not in seen:
-        seen.add(offset)
+    visited: set[int] = set()
+    while offset and offset not in visited:
+        visited.add(offset)
         file.seek(offset)
-        counted = file.read(struct.calcsize(order + count_format))
-        if len(counted) < struct.calcsize(order + count_format):
+        entry_count = file.read(struct.calcsize(order + count_format))
+        if len(entry_count) < struct.calcsize(order + count_format):
             break
-        file.seek(struct.unpack(order + count_format, counted)[0] * entry_size, 1)
-        following = file.read(struct.calcsize(order + offset_format))
-        if len(following) < struct.calcsize(order + offset_format):
+        file.seek(struct.unpack(order + count_format, entry_count)[0] * entry_size, 1)
+        next_offset = file.read(struct.calcsize(order + offset_format))
+        if len(next_offset) < struct.calcsize(order + offset_format):
             break
-        (offset,) = struct.unpack(order + offset_format, following)
-    return len(seen)
+        (offset,) = struct.unpack(order + offset_format, next_offset)
+    return len(visited)

@@ -1,8 +1,8 @@
-"""`Levels`: more than 8 bits per value, as of thermal cameras, scaled to 8 bits.
+"""`Levels`: scales images of more than 8 bits per value, as from thermal cameras, to 8 bits.
 
-The high byte of a 16-bit value holds almost no information where a scene fills a small part of
-the range. One pair of levels holds for the whole sequence: with levels per frame, a target would
-change its brightness whenever something hot comes into view.
+Dropping the low byte of 16 bits is not enough: a scene often fills only a small part of the range.
+All frames of a source are scaled with the same pair of levels. With levels per frame, the
+brightness of a target would change whenever something hot comes into view.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from ssiam.video.frames import (
 
 # Frames from which the levels of a recording are estimated; live sources use the first one.
 LEVEL_FRAMES = 8
-# Percentiles taken as darkest and brightest value, and the share of the range between them that
-# is added on both sides for later frames.
+# Percentiles that are used as the darkest and brightest value, and the share of the range between
+# them that is added on both sides, for later frames with a larger range.
 _LOW_PERCENT, _HIGH_PERCENT, _MARGIN = 0.1, 99.9, 0.05
 # Approximate number of pixels sampled from a frame.
 _SAMPLES = 20_000
-# Integer values; with fewer between its percentiles a frame has no content (a closed shutter).
+# Integer frames with a smaller range between the percentiles have no content (closed shutter).
 _LEAST_RANGE = 8
 # Gray value of frames without content.
 _MID_GRAY = 128
@@ -55,7 +55,7 @@ class Levels:
             )
 
     def apply(self, image: NDArray[Any]) -> Image:
-        """(H, W, 3) uint8 BGR of a (H, W) or (H, W, 3) image of any depth; uint8 is kept."""
+        """Convert an (H, W) or (H, W, 3) image to (H, W, 3) uint8 BGR; uint8 values are kept."""
         if image.dtype != np.uint8:
             image = self._stretched(image)
         return np.asarray(
@@ -149,31 +149,31 @@ def convert_to_8bit(
 
 
 class _LevelBuffer:
-    """Holds images of more than 8 bits until their levels are known."""
+    """Buffers images of more than 8 bits until their levels are known."""
 
     def __init__(self, info: SourceInfo, levels: Levels | None, frames: int) -> None:
         self._info = info
         self._levels = levels
         self._frames = frames
-        self._held: list[DecodedImage] = []
+        self._buffered: list[DecodedImage] = []
 
     def add(self, image: DecodedImage) -> list[TimedImage]:
         """Add an image; returns the converted images that are ready."""
         time, pixels = image
-        if self._levels is not None or (pixels.dtype == np.uint8 and not self._held):
+        if self._levels is not None or (pixels.dtype == np.uint8 and not self._buffered):
             return [(time, to_8bit(pixels, self._levels))]
-        self._held.append(image)
-        return self.flush() if len(self._held) >= self._frames else []
+        self._buffered.append(image)
+        return self.flush() if len(self._buffered) >= self._frames else []
 
     def flush(self) -> list[TimedImage]:
-        """Convert and return the images held back."""
-        held, self._held = self._held, []
-        if not held:
+        """Convert and return the buffered images."""
+        buffered, self._buffered = self._buffered, []
+        if not buffered:
             return []
-        self._levels = find_levels(image for _, image in held)
+        self._levels = find_levels(image for _, image in buffered)
         if self._levels is not None:
             option = f"{self._levels.low:.5g},{self._levels.high:.5g}"
             self._info.notes.append(
                 f"has more than 8 bits per value: scaled as with --levels {option}"
             )
-        return [(time, to_8bit(image, self._levels)) for time, image in held]
+        return [(time, to_8bit(image, self._levels)) for time, image in buffered]

@@ -107,8 +107,13 @@ class ResultSink(NotCopyable, ClosedOnExit):
     Threads: one thread at a time.
 
     Every line is written at once and completely to ``NAME.part.EXT``, which `close` renames, also
-    after Ctrl-C or an exception: an interrupted or killed run leaves complete lines. If the
-    program is killed or the disk is full the part remains.
+    after Ctrl-C or an exception: an interrupted or killed run leaves complete lines. The part file
+    remains if the program is killed or the disk is full.
+
+    Raises
+    ------
+    SinkError
+        On construction, writing or closing: a file cannot be written.
     """
 
     def __init__(
@@ -126,13 +131,25 @@ class ResultSink(NotCopyable, ClosedOnExit):
 
     @property
     def locations(self) -> tuple[Path, ...]:
-        """Where the results are now: under their names or in their parts."""
+        """The files that have the results now: the outputs, or their part files before `close`."""
         return tuple(file.location for file in self._files if file.location is not None)
 
     def write(self, frame_index: int, time: float | None, tracks: Sequence[Track]) -> None:
         """Write the tracks of one frame, in the order of the targets.
 
-        `frame_index` counts from 0; `time` is in seconds, None if unknown.
+        Parameters
+        ----------
+        frame_index : int
+            From 0.
+        time : float or None
+            Seconds; None if unknown.
+        tracks : sequence of Track
+            In raw-frame pixels, one per target.
+
+        Raises
+        ------
+        ValueError
+            The number of tracks is not that of the targets.
         """
         if len(tracks) != self._targets:
             raise ValueError(f"{len(tracks)} tracks for {self._targets} targets")
@@ -144,7 +161,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
         self._is_first = self._is_empty = False
 
     def write_row(self, row: Row) -> None:
-        """Write one target of one frame, for a varying number of targets."""
+        """Write one target of one frame; instead of `write` if the number of targets varies."""
         line = self._layout.line(row)
         if line is not None:
             self._file(row.target).write_line(line)
@@ -161,7 +178,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
             file.finish()
 
     def abandon(self) -> None:
-        """Close the files, and leave their contents under the names of their parts."""
+        """Close the files without renaming them: the part files remain, except empty ones."""
         for file in self._files:
             file.close()
             if self._is_empty:

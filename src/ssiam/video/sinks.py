@@ -53,11 +53,12 @@ _AVI_GRID = 100
 _AVI_LONGEST = 60
 # FFmpeg's numbers for what cv2.COLOR_BGR2YUV_I420 makes: BT.601 in the range 16..235.
 _COLOR_SPACE_601, _COLOR_RANGE_LIMITED = 6, 1
-# Ticks per second, at least: variable frame times are kept to 0.1 ms.
+# Least number of ticks per second; variable frame times are kept to 0.1 ms.
 _RESOLUTION = 10_000
 # Denominators of real frame rates are 1 and 1001.
 _LARGEST_DENOMINATOR = 1001
-# A time this many frames before the last one is a new start, not rounding or disorder.
+# A time more than this many frames before the last one starts a new count; a smaller step back is
+# a rounding error or a reordered frame.
 _JUMP_STEPS = 10
 
 
@@ -67,8 +68,8 @@ class VideoSink(NotCopyable, ClosedOnExit):
     Threads: one thread at a time.
 
     Frames go to ``NAME.part.EXT``, which `close` renames, also after Ctrl-C or an exception, with
-    all frames that were written. If the program is killed or the disk is full the part remains and
-    plays to its last frame; an existing file of that name is kept.
+    all frames that were written. If the program is killed or the disk is full, the part file
+    remains and plays to its last frame, and an existing file NAME.EXT is kept.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ class VideoSink(NotCopyable, ClosedOnExit):
 
     @property
     def location(self) -> Path | None:
-        """Where the video is now: under its name, in its part, or None if no frame was written."""
+        """The file that has the video now: the output, its part file, or None without frames."""
         return self._part.location
 
     def write(self, image: Image, time: float | None = None) -> float | None:
@@ -155,6 +156,13 @@ class VideoSink(NotCopyable, ClosedOnExit):
         -------
         float or None
             Time of the frame in the file, seconds; None if it was dropped.
+
+        Raises
+        ------
+        FrameSizeError
+            The frame differs in size from those before it.
+        SinkError
+            The disk is full.
         """
         height, width = image.shape[:2]
         if self.size_wh is None:
@@ -235,7 +243,7 @@ class VideoSink(NotCopyable, ClosedOnExit):
         self._finish(rename=True)
 
     def abandon(self) -> None:
-        """Finish the file, but leave it under the name of its part."""
+        """Finish the part file without renaming it."""
         with suppress(SinkError):
             self._finish(rename=False)
 
@@ -341,7 +349,7 @@ class _FrameClock:
         return 0 if self._last is None else self._last + self._step
 
     def next_ticks(self, time: float | None = None) -> int | None:
-        """Ticks of the next frame; None if it is to be dropped.
+        """Ticks of the next frame; None if it must be dropped.
 
         `time` is in seconds from any origin; None means one step after the last frame. If times
         jump back, as in joined recordings, counting continues with one step. Times that are too
@@ -362,7 +370,7 @@ class _FrameClock:
         return self._last
 
     def _is_crowded(self, due: float) -> bool:
-        """Whether a frame due at these ticks comes before the last one, which is still shown."""
+        """Whether the last frame is still displayed at the ticks at which the next one is due."""
         if not self._may_drop or self._last is None:
             return False
         return self._last - _JUMP_STEPS * self._step <= due < self._last

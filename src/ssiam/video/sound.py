@@ -51,9 +51,9 @@ class Sound:
         self._packets.clear()
 
     def next_before(self, seconds: float) -> tuple[Packet[Stream], Fraction] | None:
-        """The next packet that starts before `seconds`, and its time.
+        """The next packet that starts before `seconds`, and its time; None if there is none.
 
-        Both are in seconds since the first video frame.
+        Times are in seconds since the first video frame.
         """
         while self._packets and self.origin is not None:
             packet = self._packets[0]

@@ -30,7 +30,7 @@ def check_distinct_from_source(
     Raises
     ------
     ArgumentError
-        One line that names the output and the input.
+        An output is an input, or would be read as one. The message names both.
     """
     path = _path(source)
     if path is None:
@@ -64,14 +64,14 @@ def _images(folder: Path) -> list[Path]:
         return []
 
 
-def _listed(path: Path, seen: set[Path]) -> list[Path]:
-    """The files that a playlist lists, including those of playlists among them."""
+def _listed(path: Path, visited: set[Path]) -> list[Path]:
+    """The files that a playlist lists, including those of nested playlists."""
     found: list[Path] = []
     for name in _names_in(path):
         file = path.parent / name
-        if file not in seen:
-            seen.add(file)
-            found += [file, *_listed(file, seen)]
+        if file not in visited:
+            visited.add(file)
+            found += [file, *_listed(file, visited)]
     return found
 
 

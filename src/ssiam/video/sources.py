@@ -169,8 +169,8 @@ def _captured(name: str, capture: cv2.VideoCapture) -> TimedImages:
     started = 0.0
     try:
         while True:
-            delivered, image = capture.read()
-            if not delivered:
+            has_image, image = capture.read()
+            if not has_image:
                 break
             now = time.monotonic()
             started = started if count else now

@@ -95,7 +95,7 @@ class TruncationCheck:
 
     def fault(self) -> str | None:
         """How the container stopped before its end, or None; call after the last packet."""
-        # The last packet of a file need not hold the last frame on display.
+        # With reordering, the last packet may not contain the last frame that is displayed.
         last_is_cut = self._last_pts is not None and self._last_pts in self._damaged_pts
         if self._damaged_packet or self._last_frame_damaged or last_is_cut:
             return "its last frame is cut"
@@ -130,18 +130,18 @@ class TruncationCheck:
 
 
 def _announced_seconds(container: InputContainer, stream: VideoStream) -> float | None:
-    """End of the video by its header, seconds; of the longest stream if no frames are counted.
+    """Announced end of the video, seconds; of the whole container if no frames are counted.
 
     If container and stream disagree, the shorter duration counts: an edit list shortens only one
     of them.
     """
-    whole = container.duration / av.time_base if container.duration else None
+    of_container = container.duration / av.time_base if container.duration else None
     if not stream.frames:
-        return whole
+        return of_container
     if container.format.name == "avi" and stream.average_rate:
         # FFmpeg reduces the duration of a cut AVI by the missing bytes, but not the frame count.
         return float(stream.frames / stream.average_rate)
-    own = None
+    of_stream = None
     if stream.duration and stream.time_base:
-        own = float(stream.duration * stream.time_base)
-    return min((seconds for seconds in (whole, own) if seconds), default=None)
+        of_stream = float(stream.duration * stream.time_base)
+    return min((seconds for seconds in (of_container, of_stream) if seconds), default=None)

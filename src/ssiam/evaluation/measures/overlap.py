@@ -57,7 +57,7 @@ def vot_overlap(
     rows, other_rows = paired_rows(regions, truth)
     known = np.flatnonzero(is_region(rows) & is_region(other_rows))
     overlap = np.full(len(rows), np.nan)
-    overlap[known] = _pysot(corners_of(rows[known]), corners_of(other_rows[known]), bounds)
+    overlap[known] = _pysot_overlap(corners_of(rows[known]), corners_of(other_rows[known]), bounds)
     return overlap
 
 
@@ -114,7 +114,8 @@ def center_distance(xywh: ArrayLike, other: ArrayLike, *, in_sizes: bool = False
     return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
 
 
-def _pysot(corners: Numbers, others: Numbers, bounds: tuple[float, float] | None) -> Floats:
+def _pysot_overlap(corners: Numbers, others: Numbers, bounds: tuple[float, float] | None) -> Floats:
+    """Overlap (N,) of quadrilaterals (N, 4, 2), with the steps and rounding of pysot-toolkit."""
     a, b = corners.astype(np.float32), others.astype(np.float32)
     limit = _limits(0, 0, *bounds) if bounds else _limits(-np.inf, -np.inf, np.inf, np.inf)
     box, other_box = (intersection(_whole_bounds(quads), limit) for quads in (a, b))

@@ -75,22 +75,23 @@ def measure(tracked: TrackedSequence) -> MeasuredSequence:
 def scores(sequences: Sequence[MeasuredSequence], interval: Interval, tag: str = ALL) -> Scores:
     """A, R and EAO over a dataset, or over its frames with a given tag.
 
-    Accuracy is the mean over all frames of all sequences, robustness the number of lost targets
-    per 100 frames. With a tag, both use only the frames that have it, and EAO weights each
+    Accuracy is the mean over all frames of all sequences, and robustness is the number of lost
+    targets per 100 frames. With a tag, both use only the frames that have it, and EAO weights each
     fragment by its share of such frames.
     """
     accuracies: list[Floats] = []
     fragments: list[Fragment] = []
     lost, frames = 0.0, 0
     for each in sequences:
-        runs = each.overlaps
+        repetitions = each.overlaps
         tagged = _tagged(each.tracked, tag)
-        counted = tagged[: _longest(runs)]
-        accuracies.append(_mean_of_runs(runs)[counted])
+        counted = tagged[: _longest(repetitions)]
+        accuracies.append(_mean_of_runs(repetitions)[counted])
         frames += int(counted.sum())
-        lost += sum(int(tagged[one.run.failures].sum()) for one in runs) / len(runs)
-        for one in runs:
-            fragments += _fragments(one, tagged, 1 / len(runs))
+        lost_by_run = [int(tagged[overlaps.run.failures].sum()) for overlaps in repetitions]
+        lost += sum(lost_by_run) / len(repetitions)
+        for overlaps in repetitions:
+            fragments += _fragments(overlaps, tagged, 1 / len(repetitions))
     curve = expected_overlap(fragments, max(_longest(each.overlaps) for each in sequences))
     return Scores(
         accuracy=mean_or_nan(np.concatenate(accuracies)),
@@ -109,33 +110,33 @@ def _tagged(tracked: TrackedSequence, tag: str) -> NDArray[np.bool_]:
     return np.asarray(tracked.sequence.tags.get(tag, np.zeros(count)), dtype=np.bool_)
 
 
-def _longest(runs: Sequence[Overlaps]) -> int:
-    return max(len(one.run) for one in runs)
+def _longest(repetitions: Sequence[Overlaps]) -> int:
+    return max(len(overlaps.run) for overlaps in repetitions)
 
 
-def _mean_of_runs(runs: Sequence[Overlaps]) -> Floats:
-    """Overlap of each frame: the mean over the runs in which it counts, nan if in none."""
-    stacked = np.full((len(runs), _longest(runs)), np.nan)
-    for row, one in enumerate(runs):
-        stacked[row, : len(one.run)] = one.accuracy
+def _mean_of_runs(repetitions: Sequence[Overlaps]) -> Floats:
+    """Overlap of each frame: the mean over the runs in which it counts; nan if it never does."""
+    stacked = np.full((len(repetitions), _longest(repetitions)), np.nan)
+    for row, overlaps in enumerate(repetitions):
+        stacked[row, : len(overlaps.run)] = overlaps.accuracy
     counted = (~np.isnan(stacked)).sum(axis=0)
     total = np.nansum(stacked, axis=0)
     return np.asarray(np.where(counted > 0, total / np.maximum(counted, 1), np.nan))
 
 
-def _fragments(one: Overlaps, tagged: NDArray[np.bool_], weight: float) -> Iterator[Fragment]:
+def _fragments(overlaps: Overlaps, tagged: NDArray[np.bool_], weight: float) -> Iterator[Fragment]:
     """Fragments from each start to the next, the next start included; the last to the run's end.
 
     A target lost fewer than `_SKIPPING` frames before the end has no next start: pysot-toolkit then
     treats the run as one that did not fail.
     """
-    count = len(one.run)
-    starts = [0, *(int(index) + _SKIPPING for index in one.run.failures)]
+    count = len(overlaps.run)
+    starts = [0, *(int(index) + _SKIPPING for index in overlaps.run.failures)]
     starts = [start for start in starts if start <= count]
     for start, following in pairwise(starts):
         share = tagged[start : following + 1].sum() / (following - start + 1)
-        yield Fragment(one.eao[start : following + 1], True, weight * float(share))
+        yield Fragment(overlaps.eao[start : following + 1], True, weight * float(share))
     last = starts[-1]
     if last < count:
         share = tagged[last:count].sum() / (len(tagged) - last)
-        yield Fragment(one.eao[last:], False, weight * float(share))
+        yield Fragment(overlaps.eao[last:], False, weight * float(share))

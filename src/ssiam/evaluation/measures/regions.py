@@ -1,7 +1,8 @@
 """Regions as rows of numbers: validity, corners, bounds and upright boxes.
 
 A region is a row of 4 numbers (x, y, w, h) or of 8 (the corners x1, y1, ... x4, y4), pixels. In an
-array of 8 columns a row whose last four are nan is a rectangle; a row of nan holds no region.
+array of 8 columns a row whose last four are nan is a rectangle, and a row of nan is a missing
+region.
 """
 
 from __future__ import annotations
@@ -58,14 +59,14 @@ def paired_rows(regions: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def is_region(rows: Numbers) -> NDArray[np.bool_]:
-    """Whether each row (N, 4) or (N, 8) holds a region: (N,) bool."""
+    """Whether each row (N, 4) or (N, 8) is a region, not a missing one: (N,) bool."""
     known = np.isfinite(rows)
     whole = known[:, 4:].all(axis=1) | np.isnan(rows[:, 4:]).all(axis=1)
     return np.asarray(known[:, :4].all(axis=1) & whole, dtype=np.bool_)
 
 
 def is_box(rows: Numbers) -> NDArray[np.bool_]:
-    """Whether the last four numbers of each row (N, 8) are nan: a rectangle, or no region."""
+    """Whether the last four numbers of each row (N, 8) are nan: a rectangle or missing."""
     return np.asarray(np.isnan(rows[:, 4:]).all(axis=1), dtype=np.bool_)
 
 

@@ -35,6 +35,11 @@ class Trajectory:
         TRACKED. In an array of 8 columns a row whose last four are nan is a rectangle.
     seconds : (N,) float64, optional
         Tracking time of each frame.
+
+    Raises
+    ------
+    ArgumentError
+        On construction: the arrays have wrong shapes, or different numbers of frames.
     """
 
     status: NDArray[np.int8]

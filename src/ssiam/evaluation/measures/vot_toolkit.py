@@ -14,7 +14,7 @@ from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajec
 
 # Frames after a start that accuracy leaves out, the start included.
 _BURN_IN = 10
-# S of the AR plot: frames after which it asks whether the target is still tracked.
+# S of the AR plot: it shows the share of targets that are still tracked after so many frames.
 _SENSITIVITY = 30
 
 

@@ -162,21 +162,22 @@ def camera_path(
         A frame cannot be read.
     """
     camera = CameraMotion(config.keypoints, config.fit, model="rigid")
-    past = CameraPath(config.paper.window)
+    recent_path = CameraPath(config.paper.window)
     steps, differences, reliable = [], [], []
     for index, image in enumerate(sequence.images()):
         motion = camera.update(image, exclude=_target(sequence, index - 1))
-        known = motion.reliable or index == 0
-        if known:
-            past.advance(motion)
-        steps.append(motion.shift_angle if known else (0.0, 0.0, 0.0))
-        differences.append(past.difference())
-        reliable.append(known)
+        is_reliable = motion.reliable or index == 0
+        if is_reliable:
+            recent_path.advance(motion)
+        steps.append(motion.shift_angle if is_reliable else (0.0, 0.0, 0.0))
+        differences.append(recent_path.difference())
+        reliable.append(is_reliable)
     path = np.cumsum(steps, axis=0)
     return path, path + np.array(differences), np.array(reliable)
 
 
 def _target(sequence: VideoSequence, index: int) -> tuple[float, ...] | None:
+    """The true box in a frame; None if there is none."""
     known = 0 <= index < len(sequence.truth) and np.isfinite(sequence.truth[index]).all()
     return sequence.box(index) if known else None
 
@@ -184,8 +185,8 @@ def _target(sequence: VideoSequence, index: int) -> tuple[float, ...] | None:
 def _figure6_png(found: Summaries) -> bytes:
     """Ranking of all trackers with default settings; one color per tracker.
 
-    On a year of VOT the AR plot by vot-toolkit's conventions: up and right is better. On other
-    datasets the success plot, of one-pass runs if every entry has them, else of supervised runs.
+    On a year of VOT: the AR plot by vot-toolkit's conventions, where up and right are better. On
+    other datasets: the success plot of one-pass runs, or of supervised runs if an entry lacks them.
     """
     chosen = [each for each in found.entries if each.config in _DEFAULTS]
     if found.year is not None:

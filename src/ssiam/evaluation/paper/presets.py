@@ -91,7 +91,7 @@ def preset(
     weights : mapping of str to Path
         By the name of the tracker.
     datasets : iterable of str, optional
-        Names of the datasets that will be run. None leaves missing datasets out of the lines.
+        Names of the datasets that will be run. With None, missing datasets are not listed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Published results, shown beside the measured ones; None where the source gives no number."""
+"""Published results, listed next to the measured ones; None where the source has no number."""
 
 from __future__ import annotations
 

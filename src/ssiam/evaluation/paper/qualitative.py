@@ -71,7 +71,7 @@ class Example:
 
 
 def largest_difference(found: Summaries) -> Example | None:
-    """The tracker and sequence that stabilization changes most, for better or worse.
+    """The tracker and sequence with the largest difference between off and stabilized results.
 
     Ranked by lost targets, then by mean overlap. The example uses one-pass runs if the tracker has
     them both alone and stabilized. None if no tracker was run both ways.

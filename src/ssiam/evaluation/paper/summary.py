@@ -158,15 +158,15 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     sequences = {name: _with_size(each, year, notes) for name, each in dataset.sequences.items()}
     entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_sort_key)
     found = [each for each in entries if each.supervised or each.one_pass]
-    unsupervised = [each.label for each in found if not each.supervised]
-    no_pass = [each.label for each in found if year is None and not each.one_pass]
+    without_supervised = [each.label for each in found if not each.supervised]
+    without_one_pass = [each.label for each in found if year is None and not each.one_pass]
     for kind, protocol, labels in (
-        ("supervised", "vot", unsupervised),
-        ("one-pass", "ope", no_pass),
+        ("supervised", "vot", without_supervised),
+        ("one-pass", "ope", without_one_pass),
     ):
         if labels:
-            which = f"no {kind} runs of {_listed(labels)}"
-            notes.append(f"{dataset.name}: {which} (ssiam bench ... --protocol {protocol})")
+            missing = f"no {kind} runs of {_listed(labels)}"
+            notes.append(f"{dataset.name}: {missing} (ssiam bench ... --protocol {protocol})")
     return Summaries(dataset.name, year, sequences, found, notes)
 
 
@@ -278,7 +278,7 @@ def _scores(runs: Iterable[TrackedSequence], year: int | None) -> Scores | None:
 
 
 def _with_size(sequence: VideoSequence, year: int | None, notes: list[str]) -> VideoSequence:
-    """The sequence with its frame size, which bounds overlaps in VOT."""
+    """The sequence with its frame size, which VOT's overlaps need, read from its first image."""
     if year is None or sequence.size_wh is not None:
         return sequence
     try:

@@ -1,4 +1,4 @@
-"""The paper's Tables 1 to 4 from measured results, with published numbers beside them."""
+"""The paper's Tables 1 to 4 from measured results, with published numbers next to them."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ def run_task(task: Task) -> TaskResult:
 
 
 def _failed(task: Task, reason: str) -> TaskResult:
-    """The result of a failed run, and its file, unless the disk is full."""
+    """The result of a failed run; also writes `Task.failure`, unless the disk is full."""
     with suppress(SinkError):
         write_lines(task.failure, [reason.encode("ascii", "backslashreplace").decode()])
     return TaskResult(task.entry.label, task.sequence, failed=reason, shake=task.shake)
@@ -214,7 +214,7 @@ def _read(task: Task) -> TaskResult:
 
 
 def _write(task: Task, trajectory: Trajectory, first_xywh: tuple[float, ...]) -> None:
-    """Write the files of a run; the one that marks it as finished comes last."""
+    """Write the files of a run; last the result file, which marks the run as finished."""
     seconds = trajectory.seconds if trajectory.seconds is not None else np.zeros(len(trajectory))
     times = task.results / "times" / EXPERIMENTS[task.protocol] / f"{task.sequence}.txt"
     write_lines(times, (f"{second:.6f}" for second in seconds))

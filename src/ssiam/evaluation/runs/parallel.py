@@ -26,8 +26,8 @@ def in_parallel(
 ) -> Iterator[Result]:
     """Results of `call` for each item, in the order in which the calls end.
 
-    A call that raises, or whose process ends (killed for its memory, for example), does not affect
-    the others.
+    A call that raises, or whose process ends (for example because it runs out of memory), does not
+    affect the others.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def _on_this_machine(
 def _pool(
     call: Callable[[Item], Result], waiting: dict[int, Item], jobs: int, threads: int
 ) -> Iterator[tuple[int, Result | None, str]]:
-    """What `_indexed_call` returns for each waiting item, in the order in which the calls end."""
+    """The value of `_indexed_call` for each waiting item, in the order in which the calls end."""
     import joblib
 
     # With a single job joblib would run the calls in this process.
@@ -112,7 +112,7 @@ def _indexed_call(
 
 
 def _broken_pool_error() -> type[Exception]:
-    """What joblib raises when a worker process ended during a call."""
+    """The exception that joblib raises if a worker process ends during a call."""
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
     found: type[Exception] = BrokenProcessPool

@@ -1,4 +1,4 @@
-"""Protocols of a run: supervised with restarts (VOT), one pass (OTB), real time."""
+"""Evaluation protocols: supervised with restarts (VOT), one pass (OTB), real time."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def run(tracker: Tracker, sequence: VideoSequence, protocol: ProtocolName = "vot
     Parameters
     ----------
     tracker : Tracker
-    sequence : Sequence
+    sequence : VideoSequence
     protocol : {"vot", "ope", "realtime"}
         "vot" restarts the tracker five frames after its overlap with the ground truth was 0; "ope"
-        never restarts it; "realtime" is "vot" at 20 frames per second: a tracker that is late
-        misses frames, and its last result is repeated.
+        never restarts it; "realtime" is "vot" at 20 frames per second: a tracker that is too slow
+        misses frames, in which its last result is repeated.
 
     Returns
     -------
@@ -71,10 +71,10 @@ def run(tracker: Tracker, sequence: VideoSequence, protocol: ProtocolName = "vot
     status = np.full(count, Status.SKIPPED, dtype=np.int8)
     regions = np.full((count, 8), np.nan)
     seconds = np.zeros(count)
-    start_from, tracking, seen = 0, False, 0
+    start_from, tracking, frames = 0, False, 0
     for index, image in enumerate(sequence.images()):
-        seen = index + 1
-        if not tracking and (index < start_from or not _known(sequence, index)):
+        frames = index + 1
+        if not tracking and (index < start_from or not _has_truth(sequence, index)):
             continue
         start = time.perf_counter()
         if not tracking:
@@ -88,13 +88,13 @@ def run(tracker: Tracker, sequence: VideoSequence, protocol: ProtocolName = "vot
         seconds[index] = time.perf_counter() - start
         if status[index] == Status.FAILED:
             regions[index], start_from = np.nan, index + _SKIP
-    if seen < count:
-        raise SourceError(f"sequence {sequence.name}: ends after {seen} of {count} frames")
+    if frames < count:
+        raise SourceError(f"sequence {sequence.name}: ends after {frames} of {count} frames")
     return Trajectory(status, _narrow(regions), seconds)
 
 
 class RealtimeTracker:
-    """A tracker that receives frames at a fixed rate and misses those it has no time for.
+    """A tracker that gets frames at a fixed rate and misses those that come while it is busy.
 
     Parameters
     ----------
@@ -102,9 +102,9 @@ class RealtimeTracker:
     fps : float
         Frames per second.
     grace : int
-        Number of frames after each start that may be slow without cost.
+        Number of slow frames after each start that do not delay the next ones.
     clock : callable
-        Returns seconds.
+        Returns the time in seconds, from any origin.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class RealtimeTracker:
         self._account(self._clock() - start)
 
     def update(self, frame: Image) -> Track:
-        """The tracker's result, or its last one if it has no time for this frame."""
+        """The tracker's result, or its last one if it is still busy with an earlier frame."""
         if self._late > self._interval and self._last is not None:
             self._late -= self._interval
             return self._last
@@ -155,13 +155,13 @@ def _region_of(track: Track) -> NDArray[np.float64]:
     return np.array([*track.box, *[np.nan] * 4])
 
 
-def _known(sequence: VideoSequence, index: int) -> bool:
+def _has_truth(sequence: VideoSequence, index: int) -> bool:
     return index < len(sequence.truth) and bool(np.isfinite(sequence.truth[index]).all())
 
 
 def _lost(region: NDArray[np.float64], sequence: VideoSequence, index: int, image: Image) -> bool:
     """Whether a region does not overlap the ground truth; False in frames without it."""
-    if not _known(sequence, index):
+    if not _has_truth(sequence, index):
         return False
     height, width = image.shape[:2]
     overlap = vot_overlap(region[None], sequence.truth[index][None], (width, height))[0]

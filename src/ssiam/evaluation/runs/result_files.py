@@ -1,7 +1,6 @@
 """Result files of VOT, OTB, LaSOT and GOT-10k: paths, reading and writing.
 
-Everything that `ssiam bench` leaves in its folder is written here. Files are written completely or
-not at all.
+All files of `ssiam bench` are written by this module, completely or not at all.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ Experiment: TypeAlias = Literal["baseline", "realtime", "unsupervised"]
 # Decimals of pixels, as pysot, OTB and GOT-10k write them, and of seconds.
 _VOT_DECIMALS, _BOX_DECIMALS, _SECOND_DECIMALS = 4, 3, 8
 _CODES = (Status.SKIPPED, Status.INITIALIZED, Status.FAILED)
-# Limit of a file that is read: enough for ten hours of polygons at 25 frames per second.
+# Size limit of files that are read: ten hours of polygons at 25 frames per second.
 _MAX_BYTES = 64 * 2**20
 
 
@@ -172,7 +171,7 @@ def write_got10k(results: Path, sequence: str, runs: Sequence[Trajectory]) -> No
 
 
 def file_name(sequence: str) -> str:
-    """The name of a sequence, checked to be a valid file name, as datasets are untrusted input."""
+    """The name of a sequence, checked: datasets are untrusted, and it becomes a file name."""
     if not sequence or sequence in (".", "..") or set(sequence) & set("/\\\0"):
         raise ArgumentError(
             f"not a sequence name: {sequence!r}; its file would be outside of the results folder"

@@ -77,7 +77,7 @@ def _checked(values: Any) -> dict[str, Any]:
     """The fields of a `Shake`; `ValueError` if their names or types are wrong."""
     names = {field.name for field in fields(Shake)}
     if not isinstance(values, dict) or set(values) != names:
-        raise ValueError("other fields")
+        raise ValueError("not the fields of a shake")
     for name, value in values.items():
         wanted = (int, float) if name in _NUMBERS else int if name == "seed" else str
         if not isinstance(value, wanted) or isinstance(value, bool):

@@ -89,21 +89,21 @@ def write_workspace(
     SinkError
         A file exists already, or cannot be written.
     """
-    official = stack is not None and _is_official(stack)
-    own = folder / _SEQUENCES
-    fetched = official and sequences is None and not own.is_dir()
-    found = [] if fetched else _sequence_folders(own if sequences is None else sequences)
-    files = {folder / "config.yaml": _config(stack if official else None)}
+    is_official = stack is not None and _is_official(stack)
+    inside = folder / _SEQUENCES
+    is_downloaded = is_official and sequences is None and not inside.is_dir()
+    found = [] if is_downloaded else _sequence_folders(sequences or inside)
+    files = {folder / "config.yaml": _config(stack if is_official else None)}
     files[folder / _TRACKERS] = _trackers(entries)
     if stack is None:
         files[folder / _STACK] = _supervised_stack([_length_of(path) for path in found])
-    elif not official:
+    elif not is_official:
         files[folder / _STACK] = _read_stack(Path(stack))
     if sequences is not None:
-        files[own / _LIST] = "".join(f"{path.absolute()}\n" for path in found)
-    elif found and not (own / _LIST).is_file():
-        files[own / _LIST] = "".join(f"{path.name}\n" for path in found)
-    inputs = [] if stack is None or official else [("the stack", Path(stack))]
+        files[inside / _LIST] = "".join(f"{path.absolute()}\n" for path in found)
+    elif found and not (inside / _LIST).is_file():
+        files[inside / _LIST] = "".join(f"{path.name}\n" for path in found)
+    inputs = [] if stack is None or is_official else [("the stack", Path(stack))]
     inputs += [] if sequences is None else [("the sequences' list", sequences / _LIST)]
     inputs += [("the weights", entry.weights) for entry in entries if entry.weights is not None]
     check_distinct([("the workspace's", path) for path in files], inputs)
@@ -140,7 +140,7 @@ def _command(entry: Entry) -> str:
 
 
 def _write(files: Mapping[Path, str], force: bool) -> None:
-    """Write all files, or none if one exists and is not to be replaced."""
+    """Write all files, or none if one exists and must not be replaced."""
     for path in files:
         if path.exists() and not force:
             raise SinkError(f"{path} exists already: give --force to replace it")
@@ -151,12 +151,12 @@ def _write(files: Mapping[Path, str], force: bool) -> None:
 
 
 def _sequence_folders(source: Path) -> list[Path]:
-    """The sequences in a folder: those in its list.txt, or all subfolders with a groundtruth.txt.
+    """The sequences in a folder: those of its list.txt, or all subfolders with a groundtruth.txt.
 
     Raises
     ------
     DatasetError
-        There are none, or one of the list does not exist.
+        There are none, or one of them has no groundtruth.txt.
     """
     listed = source / _LIST
     if listed.is_file():
@@ -193,8 +193,8 @@ def _read_stack(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise ArgumentError(
-            f"stack {path} is not a file of YAML that can be read, nor a stack of the toolkit, "
-            "such as vot2018/shortterm"
+            f"stack {path} is not a file that can be read, nor a stack of the toolkit; give a YAML "
+            "file, or a name such as vot2018/shortterm"
         ) from None
 
 
