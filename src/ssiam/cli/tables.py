@@ -15,21 +15,30 @@ from ssiam.errors import ArgumentError
 from ssiam.evaluation.paper.canvas import check_matplotlib
 from ssiam.evaluation.paper.figures import Figure
 from ssiam.evaluation.paper.figures import figures as drawn_figures
+from ssiam.evaluation.paper.missing import how_to_get
 from ssiam.evaluation.paper.page import PAGE, Section, markdown_table, write_page
+from ssiam.evaluation.paper.printed import printed_tables
 from ssiam.evaluation.paper.summary import Summaries, summarize
-from ssiam.evaluation.paper.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.paper.tables import (
+    other_sources,
+    table1,
+    table2,
+    table3,
+    table4,
+)
 from ssiam.evaluation.runs.result_files import ResultsError
 from ssiam.evaluation.runs.shaken_results import shaken_as
 from ssiam.video.images import image_paths
 
-_YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
 _EXPLANATION: Final = (
     "A: mean overlap while tracked, without ten frames after each start. R: lost targets per "
-    "100 frames. EAO: expected average overlap. All three as computed by pysot-toolkit. lost: "
-    "lost targets, with a restart five frames after each. overlap: mean intersection over union "
-    "of the tracked frames, averaged over sequences. success: area under the success curve of "
-    "one-pass runs. fps: frames per second without reading the images. stabilized: off is the "
-    "tracker alone. An empty cell means that the number is not available."
+    "100 frames. EAO: expected average overlap, on a year of VOT only. All three as computed by "
+    "pysot-toolkit. fps: frames per second without reading the images; the published ones are of "
+    "other machines. paper, their: the published number; diff: ours minus it. lost: lost targets, "
+    "with a restart five frames after each. overlap: mean intersection over union of the tracked "
+    "frames, averaged over sequences. success: area under the success curve of one-pass runs. "
+    "stabilized: off is the tracker alone. missing: what the row needs. Another empty cell means "
+    "that the number is not available."
 )
 
 
@@ -71,9 +80,19 @@ def tables(
             f"{results}: holds no results of {names}; give the dataset of the results"
         )
     sections = [_section(each, figures) for each in found]
-    paper = published_table(set(_YEARS) - {each.year for each in found if each.entries})
-    if paper.rows:
-        sections.append(Section("Other results of the paper", [paper]))
+    shown = [table for each in sections for table in each.tables]
+    paper = printed_tables(shown, {each.year for each in found if each.entries})
+    if paper:
+        sections.append(Section("Other results of the paper", paper))
+    cells = [
+        cell
+        for table in (*shown, *paper)
+        for row in table.rows
+        for name, cell in zip(table.head, row, strict=True)
+        if name == "missing"
+    ]
+    if lines := how_to_get(cells):
+        sections.append(Section("What the empty rows need", [], notes=lines))
     _print(sections, write_page(folder, sections, _EXPLANATION))
 
 
@@ -93,8 +112,10 @@ def _section(found: Summaries, with_figures: bool) -> Section:
     if with_figures:
         drawn, undrawn = drawn_figures(found)
         notes += undrawn
-    made = [table(found) for table in (table1, table2, table3, table4)]
-    notes += [f"{each.title}: no results" for each in made if not each.rows]
+    made = [table(found) for table in (table1, other_sources, table2, table3, table4)]
+    notes += [
+        f"{each.title}: no results" for each in made if not each.rows and "Table" in each.title
+    ]
     return Section(title, [each for each in made if each.rows], drawn, notes)
 
 
