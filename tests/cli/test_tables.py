@@ -25,13 +25,25 @@ def test_page_with_tables_and_figures(benched, tmp_path, capsys):
         assert word in output
     assert "no one-pass runs of kcf-off, kcf-paper" in errors
     page = (out / "tables.html").read_text()
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 8
     assert not re.search(r"(src|href)=.?http", page)
     text = (out / "tables.md").read_text()
     images = re.findall(r"\(<(.*?\.png)>\)", text)
-    assert len(images) == 3
+    assert len(images) == 8
     assert all((out / name).is_file() for name in images)
     assert all(str(path) in output for path in out.iterdir())
+
+
+def test_chosen_sequences_are_in_the_strips(benched, tmp_path, capsys):
+    data, results = benched
+    arguments = ["tables", str(results), "--dataset", str(data), "--out", str(tmp_path / "page")]
+    assert main([*arguments, "--sequences", "clip1"]) == 0
+    text = (tmp_path / "page" / "tables.md").read_text()
+    assert "Fig. 3: the camera's path in clip1" in text
+    assert main([*arguments, "--sequences", "clip1,clip9"]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert "no sequence 'clip9'" in error
+    assert "clip1" in error
 
 
 def test_default_folder_without_figures(benched, capsys):

@@ -9,7 +9,14 @@ from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import MissingExtraError
-from ssiam.evaluation.paper.figures import camera_path, figures
+from ssiam.evaluation.measures.eao import INTERVALS
+from ssiam.evaluation.paper.camera_figures import (
+    draw_correction,
+    draw_transformed,
+    most_moved,
+    record_camera,
+)
+from ssiam.evaluation.paper.figures import figures
 from ssiam.evaluation.paper.qualitative import Example, largest_difference
 from ssiam.evaluation.paper.summary import summarize
 from ssiam.evaluation.runs.entries import Entry
@@ -30,27 +37,88 @@ def decoded(png):
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_all_three_figures_are_drawn(found):
+def pixels(png, color, tolerance=12):
+    """How many pixels have a color given as #rrggbb."""
+    bgr = [int(color[index : index + 2], 16) for index in (5, 3, 1)]
+    return int((np.abs(decoded(png).astype(int) - bgr).max(axis=2) <= tolerance).sum())
+
+
+YELLOW, BLUE, GREEN = "#ffe11a", "#3c8cff", "#1ee65a"
+
+
+def test_all_figures_are_drawn(found):
     drawn, notes = figures(found)
     assert notes == []
-    assert [each.name[:4] for each in drawn] == ["fig3", "fig4", "fig6"]
+    names = "fig1", "fig3", "fig4", "fig5", "fig6", "boxes", "ranking", "eao"
+    assert tuple(each.name.partition("-")[0] for each in drawn) == names
     for each in drawn:
         assert decoded(each.png).std() > 10
         assert min(decoded(each.png).shape[:2]) > 300
 
 
-def test_the_camera_path_of_a_known_motion(tmp_path):
-    size = (320, 240)
+def test_figure_1_has_no_stabilized_box_and_figure_6_has_all_three(found):
+    by_name = {each.name.partition("-")[0]: each.png for each in figures(found)[0]}
+    for color in (YELLOW, GREEN):
+        assert pixels(by_name["fig1"], color) > 100
+        assert pixels(by_name["fig6"], color) > 100
+    # The frames themselves have some pixels of each color.
+    assert pixels(by_name["fig6"], BLUE) > 4 * pixels(by_name["fig1"], BLUE)
+
+
+def test_chosen_sequences(found):
+    drawn, notes = figures(found, ["clip2"])
+    by_name = {each.name.partition("-")[0]: each for each in drawn}
+    assert "clip2" in by_name["fig3"].title
+    assert "clip2" in by_name["fig5"].title
+    one, all_three = (decoded(each["fig6"].png) for each in (by_name, named_figures(found)))
+    assert len(one) < 0.6 * len(all_three)
+    drawn, notes = figures(found, ["elsewhere"])
+    assert [each.name.partition("-")[0] for each in drawn] == ["boxes", "ranking", "eao"]
+    assert all("elsewhere" in note for note in notes)
+
+
+def named_figures(found):
+    return {each.name.partition("-")[0]: each for each in figures(found)[0]}
+
+
+@pytest.fixture(scope="module")
+def shaking(tmp_path_factory):
+    """A sequence of 20 frames, and its poses relative to the first one."""
+    folder, size = tmp_path_factory.mktemp("shaking"), (320, 240)
     shifts = generator(5).normal(0, (3, 2, 0.004), (20, 3)).cumsum(axis=0)
     for index, pose in enumerate(poses(shifts, size)):
-        cv2.imwrite(str(tmp_path / f"{index:02}.png"), camera_frame(world(1, size), pose))
-    images = tuple(sorted(tmp_path.glob("*.png")))
-    path, smooth, known = camera_path(VideoSequence("s", images, np.full((20, 4), np.nan)), PAPER)
-    assert known.all()
-    assert np.abs(path - (shifts - shifts[0]))[:, :2].max() < 1
-    assert np.abs(path - (shifts - shifts[0]))[:, 2].max() < 0.003
-    means = np.array([path[: index + 1].mean(axis=0) for index in range(20)])
-    assert np.abs(smooth - means)[:, :2].max() < 0.2
+        cv2.imwrite(str(folder / f"{index:02}.png"), camera_frame(world(1, size), pose))
+    images = tuple(sorted(folder.glob("*.png")))
+    return VideoSequence("s", images, np.full((20, 4), np.nan)), shifts - shifts[0]
+
+
+def test_the_camera_of_a_known_motion(shaking):
+    sequence, shifts = shaking
+    record = record_camera(sequence, PAPER)
+    assert record.reliable.all()
+    assert np.abs(record.path - shifts)[:, :2].max() < 1
+    assert np.abs(record.path - shifts)[:, 2].max() < 0.003
+    means = np.array([record.path[: index + 1].mean(axis=0) for index in range(20)])
+    assert np.abs(record.smooth - means)[:, :2].max() < 0.2
+    assert record.new_trans == pytest.approx(record.smooth - record.path)
+
+
+def test_figure_4_has_a_line_for_each_part_of_the_correction(shaking):
+    png = draw_correction(record_camera(shaking[0], PAPER))
+    assert all(pixels(png, color) > 100 for color in ("#0072b2", "#d55e00", "#009e73"))
+
+
+def test_figure_5_shows_the_frame_that_moved_farthest_with_black_borders(shaking):
+    sequence, _ = shaking
+    record = record_camera(sequence, PAPER)
+    index = most_moved(record, (320, 240))
+    shifts = np.linalg.norm(record.new_trans[:, :2], axis=1)
+    assert shifts[index] > 0.8 * shifts.max()
+    image = decoded(draw_transformed(sequence, record, index, 20))
+    black = image.max(axis=2) < 8
+    left, right = np.hsplit(black[:, : black.shape[1] // 2 * 2], 2)
+    assert left.mean() < 0.06
+    assert right.mean() > left.mean() + 0.1  # 24 % of the transformed frame are its border
 
 
 def example(off, stabilized):
@@ -90,20 +158,34 @@ def test_a_figure_without_frames_or_pairs_becomes_a_note(tmp_path):
     data = write_vot_year(tmp_path / "VOT2018", {"one": 120})
     write_run(tmp_path / "out", "kcf-off", "one", "i" + "." * 119)
     drawn, notes = figures(summarize(tmp_path / "out", open_dataset(data)))
-    assert [each.name for each in drawn] == ["fig6-VOT2018"]
-    assert decoded(drawn[0].png).std() > 5
-    assert len(notes) == 2
-    assert "no figure 3" in notes[0]
-    assert "00000002.jpg" in notes[0]
-    assert "no figure 4" in notes[1]
+    assert [each.name for each in drawn] == ["ranking-VOT2018", "eao-VOT2018"]
+    assert all(decoded(each.png).std() > 5 for each in drawn)
+    assert [note.partition(":")[2].partition(":")[0].strip() for note in notes] == [
+        "no figure 1",
+        "no figures 3 to 5",
+        "no figure 6",
+        "no figure of boxes",
+    ]
+    assert "00000002.jpg" in notes[1]
 
 
-def test_figure_6_needs_an_entry_with_default_settings(tmp_path):
+def test_the_mean_of_the_curve_over_the_interval_is_eao(tmp_path):
+    data = write_vot_year(tmp_path / "VOT2018", {"one": 200, "two": 150})
+    write_run(tmp_path / "out", "kcf-off", "one", "i" + "." * 89 + "x----i" + "." * 104, 3.0)
+    write_run(tmp_path / "out", "kcf-off", "two", "i" + "." * 149)
+    (entry,) = summarize(tmp_path / "out", open_dataset(data)).entries
+    low, high = INTERVALS[2018]
+    assert 0 < entry.scores.eao < 1
+    assert entry.eao_curve[low - 1 : high].mean() == pytest.approx(entry.scores.eao)
+
+
+def test_the_ranking_needs_an_entry_with_default_settings(tmp_path):
     data = write_vot_year(tmp_path / "VOT2018", {"one": 20})
     write_run(tmp_path / "out", "kcf-paper-tha=0.5", "one", "i" + "." * 19)
     drawn, notes = figures(summarize(tmp_path / "out", open_dataset(data)))
     assert drawn == []
-    assert "no figure 6" in notes[2]
+    assert "no ranking" in notes[-2]
+    assert "no curve of EAO" in notes[-1]
 
 
 def test_missing_matplotlib_names_the_extra(found, monkeypatch):

@@ -5,17 +5,17 @@ import re
 import pytest
 
 from ssiam.errors import SinkError
+from ssiam.evaluation.paper.cells import Table
 from ssiam.evaluation.paper.page import Section, markdown, markdown_table, page, write_page
-from ssiam.evaluation.paper.tables import Table
 
-TABLE = Table("A <b> table", ("name", "n"), [("a|b", "1"), ("<i>", ""), ("c", "22")], ["a & b"])
+TABLE = Table("A <b> table", ("name", "n"), [("a|b", "-1.5"), ("<i>", ""), ("c", "+22")], ["a & b"])
 
 
 def test_markdown_columns_are_aligned():
     lines = [line for line in markdown_table(TABLE).splitlines() if line.startswith("|")]
     assert len(lines) == 5
     assert len({len(line) for line in lines}) == 1
-    assert lines[1] == "| ---- | --: |"
+    assert lines[1] == "| ---- | ---: |"
     assert "a\\|b" in lines[2]
 
 

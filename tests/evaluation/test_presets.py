@@ -69,7 +69,8 @@ def test_one_line_for_each_missing_tracker_and_dataset():
     ("name", "datasets", "count"),
     [
         pytest.param("table2", ["OTB100"], 4, id="not a VOT dataset"),
-        pytest.param("table2", ["VOT2019"], 3, id="any year"),
+        pytest.param("table2", ["VOT2019"], 4, id="not the year of Table 2"),
+        pytest.param("table3", ["VOT2018"], 3, id="the year of Table 3"),
         pytest.param("table4", ["VOT2019"], 4, id="not the year of Table 4"),
         pytest.param("table4", None, 3, id="datasets not given"),
     ],

@@ -10,9 +10,11 @@ from helpers.shaky_dataset import write_dataset
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.measures.eao import INTERVALS, known_year
 from ssiam.evaluation.measures.success import success
-from ssiam.evaluation.paper.published import ORIGINAL_LOST, ROWS
+from ssiam.evaluation.paper.missing import how_to_get
+from ssiam.evaluation.paper.printed import printed_tables
+from ssiam.evaluation.paper.published import FRAMES, OTHER_ROWS, TABLE1, TABLE2, TABLE3, TABLE4
 from ssiam.evaluation.paper.summary import summarize
-from ssiam.evaluation.paper.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.paper.tables import other_sources, table1, table2, table3, table4
 from ssiam.evaluation.reports import report
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.evaluation.runs.result_files import (
@@ -71,9 +73,12 @@ def test_cells_are_the_measures(benched, found, entry):
 
 def test_tables_2_and_3_list_runs_and_note_missing_ones(found):
     generators, thresholds = table2(found), table3(found)
-    assert [row[1] for row in generators.rows] == ["off", "orb", "gftt"]
-    assert "harris, brisk, mser, direct" in generators.notes[-1]
-    assert [(row[1][:4], row[2]) for row in thresholds.rows] == [
+    run = ["off", "orb", "gftt"]
+    missing = {row[1]: row[-1] for row in generators.rows}
+    assert list(missing) == [*run, "harris", "brisk", "mser", "direct"]
+    assert [name for name, reason in missing.items() if not reason] == run
+    assert missing["brisk"] == "run of --preset table2"
+    assert [(row[1][:4], row[2]) for row in thresholds.rows if not row[-1]] == [
         ("THx1", "60"),
         ("THx1", "80"),
         ("THx2", "20"),
@@ -81,7 +86,33 @@ def test_tables_2_and_3_list_runs_and_note_missing_ones(found):
     ]
     wide = row_of(thresholds, "kcf", "THx1 = 2 THy1, px", "80")
     assert wide["lost"] == f"{sum(found.find('kcf', WIDE.config).lost.values()):g}"
-    assert wide["paper"] == ""
+    for table in (generators, thresholds):
+        assert "SiamMask_E on VOT2018, ours of kcf" in table.notes[0]
+
+
+def test_tables_2_and_3_have_every_cell_of_the_paper_and_the_difference(found):
+    names = ("A", "R", "EAO", "fps")
+    for name, theirs in TABLE2.items():
+        cells = row_of(table2(found), "kcf", name)
+        assert [float(cells[f"paper {each}"]) for each in names] == list(theirs)
+    thresholds = table3(found)
+    for threshold, by_value in TABLE3.items():
+        for value, theirs in by_value.items():
+            (row,) = [
+                row
+                for row in thresholds.rows
+                if re.match(rf"{threshold}\b", row[1]) and row[2] == f"{value:g}"
+            ]
+            cells = dict(zip(thresholds.head, row, strict=True))
+            assert [float(cells[f"paper {each}"]) for each in names[:3]] == list(theirs[:3])
+    cells = row_of(table2(found), "kcf", "gftt")
+    for name in ("A", "R", "fps"):
+        ours, theirs, difference = (
+            float(cells[key]) for key in (name, f"paper {name}", f"diff {name}")
+        )
+        assert difference == pytest.approx(ours - theirs)
+        assert cells[f"diff {name}"][0] in "+-"
+    assert cells["EAO"] == cells["diff EAO"] == "", "not a year of VOT"
 
 
 def test_table_4_counts_lost_targets_by_sequence(benched, found):
@@ -131,41 +162,102 @@ def test_table_1_of_a_vot_year_has_measured_and_published_scores(vot):
         cells = row_of(table, *start)
         sized = [each.sequence for each in found.entries[0].supervised.values()]
         scores = report(read_results(out / label, sized), INTERVALS[2018]).pysot
-        assert [cells[name] for name in ("A", "R /100", "EAO", "lost")] == [
+        assert [cells[name] for name in ("A", "R", "EAO", "lost")] == [
             f"{scores.accuracy:.3f}",
             f"{scores.robustness:.3f}",
             f"{scores.eao:.3f}",
             "1",
         ]
-    assert row_of(table, "nanotrack_v3", "off")["their EAO"] == "0.449"
-    assert row_of(table, "nanotrack_v3", "paper")["source"] == ""
     published = row_of(table, "S-SiamMask_E")
-    assert (published["their EAO"], published["their lost"], published["their fps"]) == (
+    assert [published[f"paper {name}"] for name in ("A", "R", "EAO", "fps")] == [
+        "0.637",
+        "0.243",
         "0.449",
-        "52",
         "33",
+    ]
+    assert published["A"] == published["diff A"] == published["lost"] == ""
+    other = other_sources(found)
+    nanotrack = row_of(other, "NanoTrack V3")
+    assert (nanotrack["their EAO"], nanotrack["source"]) == ("0.449", "SiamTrackers")
+    assert nanotrack["EAO"] == row_of(table, "nanotrack_v3", "off")["EAO"]
+    assert row_of(other, "SiamMask_E", "siammask_e")["their lost"] == "53"
+
+
+def test_the_papers_tracker_is_compared_cell_by_cell(vot, tmp_path):
+    data, _ = vot
+    for label in ("siammask_e-off", "siammask_e-paper"):
+        write_run(tmp_path / "runs", label, "girl", "i" + "." * 59 + "x----i" + "." * 64, 2.0)
+        write_run(tmp_path / "runs", label, "road", "i" + "." * 119, 2.0)
+    found = summarize(tmp_path / "runs", open_dataset(data))
+    cells = row_of(table1(found), "siammask_e", "paper")
+    assert cells["missing"] == ""
+    for name, theirs in (("A", 0.637), ("R", 0.243), ("EAO", 0.449)):
+        assert float(cells[f"paper {name}"]) == theirs
+        assert float(cells[f"diff {name}"]) == pytest.approx(float(cells[name]) - theirs, abs=1e-9)
+    orb = row_of(table2(found), "siammask_e", "orb")
+    assert (orb["A"], orb["diff A"]) == (cells["A"], cells["diff A"])
+    assert table2(found).notes == []
+    girl = row_of(table4(found), "girl")
+    assert (girl["siammask_e-off"], girl["diff Original"], girl["diff S-Siam"]) == ("1", "-3", "-3")
+    assert girl["missing"] == ""
+
+
+def test_rows_without_results_name_weights_data_or_run(vot, tmp_path, monkeypatch):
+    data, out = vot
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    found = summarize(out, open_dataset(data))
+    assert row_of(table1(found), "S-SiamFC")["missing"] == "weights of siamfc"
+    (tmp_path / "weights" / "siamfc").mkdir(parents=True)
+    assert row_of(table1(found), "S-SiamFC")["missing"] == "run of --preset table1"
+    printed = {each.title[:7]: each for each in printed_tables([table1(found)], {2018})}
+    assert list(printed) == ["Table 1", "Table 2", "Table 3"]
+    assert {row[0] for row in printed["Table 1"].rows} == {"VOT2016", "VOT2019"}
+    missing = row_of(printed["Table 1"], "VOT2016", "SiamRPN++")["missing"]
+    assert missing == "VOT2016, weights of siamrpn_r50_l234_dwxcorr"
+    dataset, weights = how_to_get([missing, ""])
+    assert "votchallenge.net" in dataset
+    assert "github.com/STVIR/pysot" in weights
+    assert "ssiam weights import FILE --tracker siamrpn_r50_l234_dwxcorr" in weights
+
+
+def test_without_results_of_vot_all_four_tables_are_printed():
+    tables = {each.title[:7]: each for each in printed_tables([], {None})}
+    assert [len(each.rows) for each in tables.values()] == [18, 5, 10, 8]
+    cells = [cell for row in tables["Table 1"].rows for cell in row[3:6]]
+    assert len([cell for cell in cells if re.fullmatch(r"0\.\d{3}", cell)]) == 54
+    assert row_of(tables["Table 2"], "orb")["paper EAO"] == "0.449"
+    assert row_of(tables["Table 4"], "rabbit")["paper S-Siam"] == "3"
+    assert all(
+        "VOT2018" in row[-1] for name in ("2", "3", "4") for row in tables[f"Table {name}"].rows
     )
-    assert published["their A"] == published["A"] == published["lost"] == ""
 
 
 def test_table_4_of_2018_has_the_papers_counts(vot):
     data, out = vot
     table = table4(summarize(out, open_dataset(data)))
-    assert row_of(table, "girl")["paper: Original"] == str(ORIGINAL_LOST["girl"])
+    for name, row in TABLE4.items():
+        cells = row_of(table, name)
+        assert cells["paper Original"] == str(row.original)
+        assert cells["paper S-Siam"] == str(row.stabilized)
+        assert cells["paper Stabilization"] == ("Yes" if name not in ("girl", "book") else "No")
+        assert cells["nanotrack_v3-off"] == ("1" if name == "girl" else "")
+    assert row_of(table, "wiper")["missing"] == "VOT2018"
     assert "road" not in [row[0] for row in table.rows]
 
 
 def test_published_lost_targets_agree_with_robustness():
-    frames = {2016: 21455, 2018: 21356, 2019: 19935}
-    both = [each for each in ROWS if None not in (each.robustness, each.lost)]
-    assert len(both) > 10
+    both = [each for each in (*TABLE1, *OTHER_ROWS) if None not in (each.robustness, each.lost)]
+    assert len(both) == 30
     for each in both:
-        assert each.robustness == pytest.approx(100 * each.lost / frames[each.year], abs=6e-4)
+        assert each.robustness == pytest.approx(100 * each.lost / FRAMES[each.year], abs=6e-4)
 
 
-def test_the_published_table_has_the_given_years():
-    assert {row[0] for row in published_table({2016, 2019}).rows} == {"VOT2016", "VOT2019"}
-    assert published_table(set()).rows == []
+def test_the_papers_default_rows_agree_between_its_tables():
+    (ours,) = [each for each in TABLE1 if (each.label, each.year) == ("siammask_e-paper", 2018)]
+    assert TABLE2["orb"] == ours.measures
+    for threshold, value in (("THx1", 60), ("THx2", 20), ("THa", 0.3)):
+        assert TABLE3[threshold][value][:3] == ours.measures[:3]
 
 
 @pytest.mark.parametrize(

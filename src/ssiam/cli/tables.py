@@ -9,27 +9,37 @@ from typing import Annotated, Final
 
 from cyclopts import Parameter
 
-from ssiam.cli.options import check_results_folder
-from ssiam.datasets import open_dataset
+from ssiam.cli.options import check_results_folder, split_words
+from ssiam.datasets import Dataset, open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.paper.canvas import check_matplotlib
+from ssiam.evaluation.paper.cells import Table
 from ssiam.evaluation.paper.figures import Figure
 from ssiam.evaluation.paper.figures import figures as drawn_figures
+from ssiam.evaluation.paper.missing import how_to_get
 from ssiam.evaluation.paper.page import PAGE, Section, markdown_table, write_page
+from ssiam.evaluation.paper.printed import printed_tables
 from ssiam.evaluation.paper.summary import Summaries, summarize
-from ssiam.evaluation.paper.tables import published_table, table1, table2, table3, table4
+from ssiam.evaluation.paper.tables import (
+    other_sources,
+    table1,
+    table2,
+    table3,
+    table4,
+)
 from ssiam.evaluation.runs.result_files import ResultsError
 from ssiam.evaluation.runs.shaken_results import shaken_as
 from ssiam.video.images import image_paths
 
-_YEARS: Final = (2016, 2018, 2019)  # of the paper's Table 1
 _EXPLANATION: Final = (
     "A: mean overlap while tracked, without ten frames after each start. R: lost targets per "
-    "100 frames. EAO: expected average overlap. All three as computed by pysot-toolkit. lost: "
-    "lost targets, with a restart five frames after each. overlap: mean intersection over union "
-    "of the tracked frames, averaged over sequences. success: area under the success curve of "
-    "one-pass runs. fps: frames per second without reading the images. stabilized: off is the "
-    "tracker alone. An empty cell means that the number is not available."
+    "100 frames. EAO: expected average overlap, on a year of VOT only. All three as computed by "
+    "pysot-toolkit. fps: frames per second without reading the images; the published ones are of "
+    "other machines. paper, their: the published number; diff: ours minus it. lost: lost targets, "
+    "with a restart five frames after each. overlap: mean intersection over union of the tracked "
+    "frames, averaged over sequences. success: area under the success curve of one-pass runs. "
+    "stabilized: off is the tracker alone. missing: what the row needs. Another empty cell means "
+    "that the number is not available."
 )
 
 
@@ -40,8 +50,9 @@ def tables(
     dataset: Annotated[list[Path], Parameter(negative=())],
     out: Path | None = None,
     figures: bool = True,
+    sequences: str | None = None,
 ) -> None:
-    """Make tables 1 to 4 and figures 3, 4 and 6 of the paper from results of ssiam bench.
+    """Make tables 1 to 4 and the figures of the paper from results of ssiam bench.
 
     Prints the tables, and writes tables.md, tables.html (a self-contained page) and the figures.
     Tables are made from the results that exist; missing ones are listed.
@@ -56,7 +67,11 @@ def tables(
     out
         Folder to write to; by default RESULTS/tables.
     figures
-        Draw the figures. This needs matplotlib, and figures 3 and 4 need the dataset's images.
+        Draw the figures. This needs matplotlib, and most figures need the dataset's images.
+    sequences
+        Comma-separated sequences of figures 1 and 6; figures 3 to 5 are of the first one. By
+        default the paper's soccer2, wiper, helicopter and blanket, or those that stabilization
+        changes most.
     """
     folder = out or results / "tables"
     check_results_folder(folder, dataset)
@@ -64,16 +79,20 @@ def tables(
         check_matplotlib()
     opened = [shaken_as(results, open_dataset(path)) for path in dataset]
     _check_not_frames(folder, dataset)
+    names = _known_names(opened, split_words(sequences or ""))
     found = [summarize(results, each) for each in opened]
     if not any(each.entries for each in found):
-        names = ", ".join(each.dataset for each in found)
+        searched = ", ".join(each.dataset for each in found)
         raise ResultsError(
-            f"{results}: holds no results of {names}; give the dataset of the results"
+            f"{results}: holds no results of {searched}; give the dataset of the results"
         )
-    sections = [_section(each, figures) for each in found]
-    paper = published_table(set(_YEARS) - {each.year for each in found if each.entries})
-    if paper.rows:
-        sections.append(Section("Other results of the paper", [paper]))
+    sections = [_section(each, names if figures else None) for each in found]
+    shown = [table for each in sections for table in each.tables]
+    paper = printed_tables(shown, {each.year for each in found if each.entries})
+    if paper:
+        sections.append(Section("Other results of the paper", paper))
+    if lines := how_to_get(_missing_cells([*shown, *paper])):
+        sections.append(Section("What the empty rows need", [], notes=lines))
     _print(sections, write_page(folder, sections, _EXPLANATION))
 
 
@@ -84,18 +103,32 @@ def _check_not_frames(folder: Path, datasets: Sequence[Path]) -> None:
         raise ArgumentError(f"--out {folder} holds frames of the dataset; give another folder")
 
 
-def _section(found: Summaries, with_figures: bool) -> Section:
+def _known_names(opened: Sequence[Dataset], names: Sequence[str]) -> list[str]:
+    """The names as the datasets spell them; `UnknownSequenceError` for one that none has."""
+    holders = [
+        next((each for each in opened if name in each.sequences), opened[0]) for name in names
+    ]
+    return [holder.sequences[name].name for holder, name in zip(holders, names, strict=True)]
+
+
+def _section(found: Summaries, figure_sequences: Sequence[str] | None) -> Section:
     title = f"Dataset {found.dataset}"
     if not found.entries:
         return Section(title, [], notes=[f"{found.dataset}: no results", *found.notes])
     drawn: list[Figure] = []
     notes = list(found.notes)
-    if with_figures:
-        drawn, undrawn = drawn_figures(found)
+    if figure_sequences is not None:
+        drawn, undrawn = drawn_figures(found, figure_sequences)
         notes += undrawn
-    made = [table(found) for table in (table1, table2, table3, table4)]
-    notes += [f"{each.title}: no results" for each in made if not each.rows]
+    made = [table(found) for table in (table1, other_sources, table2, table3, table4)]
+    notes += [
+        f"{each.title}: no results" for each in made if not each.rows and "Table" in each.title
+    ]
     return Section(title, [each for each in made if each.rows], drawn, notes)
+
+
+def _missing_cells(shown: Sequence[Table]) -> list[str]:
+    return [row[-1] for table in shown if table.head[-1] == "missing" for row in table.rows]
 
 
 def _print(sections: list[Section], paths: list[Path]) -> None:

@@ -72,15 +72,16 @@ def measure(tracked: TrackedSequence) -> MeasuredSequence:
     return MeasuredSequence(tracked, tuple(found))
 
 
-def scores(sequences: Sequence[MeasuredSequence], interval: Interval, tag: str = ALL) -> Scores:
+def scores(
+    sequences: Sequence[MeasuredSequence], interval: Interval | None, tag: str = ALL
+) -> Scores:
     """A, R and EAO over a dataset, or over its frames with a given tag.
 
     Accuracy is the mean over all frames of all sequences, and robustness is the number of lost
     targets per 100 frames. With a tag, both use only the frames that have it, and EAO weights each
-    fragment by its share of such frames.
+    fragment by its share of such frames. Without an interval, EAO is nan.
     """
     accuracies: list[Floats] = []
-    fragments: list[Fragment] = []
     lost, frames = 0.0, 0
     for each in sequences:
         repetitions = each.overlaps
@@ -90,16 +91,28 @@ def scores(sequences: Sequence[MeasuredSequence], interval: Interval, tag: str =
         frames += int(counted.sum())
         lost_by_run = [int(tagged[overlaps.run.failures].sum()) for overlaps in repetitions]
         lost += sum(lost_by_run) / len(repetitions)
-        for overlaps in repetitions:
-            fragments += _fragments(overlaps, tagged, 1 / len(repetitions))
-    curve = expected_overlap(fragments, max(_longest(each.overlaps) for each in sequences))
+    typical = slice(0) if interval is None else slice(interval.low - 1, interval.high)
     return Scores(
         accuracy=mean_or_nan(np.concatenate(accuracies)),
         robustness=100 * lost / frames if frames else float("nan"),
-        eao=mean_or_nan(curve[interval.low - 1 : interval.high]),
+        eao=mean_or_nan(eao_curve(sequences, tag)[typical]),
         lost=lost,
         frames=frames,
     )
+
+
+def eao_curve(sequences: Sequence[MeasuredSequence], tag: str = ALL) -> Floats:
+    """The expected overlap by fragment length, as long as the longest run; see `expected_overlap`.
+
+    Index i belongs to a fragment of i + 1 frames, of which the first is the start.
+    """
+    fragments = [
+        fragment
+        for each in sequences
+        for overlaps in each.overlaps
+        for fragment in _fragments(overlaps, _tagged(each.tracked, tag), 1 / len(each.overlaps))
+    ]
+    return expected_overlap(fragments, max(_longest(each.overlaps) for each in sequences))
 
 
 def _tagged(tracked: TrackedSequence, tag: str) -> NDArray[np.bool_]:

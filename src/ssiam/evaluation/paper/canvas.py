@@ -11,7 +11,8 @@ from ssiam.errors import MissingExtraError, SsiamError
 # Colors of Okabe and Ito, distinguishable with color blindness.
 BLUE: Final = "#0072b2"
 ORANGE: Final = "#d55e00"
-COLORS: Final = (BLUE, "#e69f00", "#009e73", "#cc79a7", "#56b4e9", ORANGE, "#000000")
+GREEN: Final = "#009e73"
+COLORS: Final = (BLUE, "#e69f00", GREEN, "#cc79a7", "#56b4e9", ORANGE, "#000000")
 GRAY: Final = "#d9d9d9"
 SMALL: Final = 9  # points, of legends and captions
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from ssiam.evaluation.paper.cells import Table
 from ssiam.evaluation.paper.figures import Figure
-from ssiam.evaluation.paper.tables import Table
 from ssiam.outputs import atomic_write, make_folder
 
 PAGE: Final = "tables.html"
@@ -157,9 +158,9 @@ def _bullets(lines: Sequence[str]) -> str:
 
 
 def _numeric(table: Table) -> list[bool]:
-    """Which columns contain only numbers and empty cells."""
+    """Which columns contain only numbers, signed or not, and empty cells."""
     columns = zip(*table.rows, strict=True) if table.rows else [("x",)] * len(table.head)
-    return [all(not cell or cell.replace(".", "").isdigit() for cell in each) for each in columns]
+    return [all(re.fullmatch(r"[+-]?[\d.]*", cell) for cell in each) for each in columns]
 
 
 def _padded(text: str, width: int, is_right: bool) -> str:

@@ -9,11 +9,12 @@ from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import check_choice
 from ssiam.evaluation.measures.eao import known_year
+from ssiam.evaluation.paper.published import ABLATION_YEAR, PAPER_TRACKERS
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.motion import KEYPOINTS
 from ssiam.runtime import MODEL_ZOO
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import TRACKERS, TrackerName
+from ssiam.trackers import TRACKERS
 
 PresetName: TypeAlias = Literal["table1", "table2", "table3", "table4"]
 PRESETS: Final[tuple[PresetName, ...]] = get_args(PresetName)
@@ -41,18 +42,12 @@ _CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
     "table4": (_OFF, _PAPER),
 }
 
-# The paper's trackers by their names in the paper.
-_TRACKERS: Final[dict[str, TrackerName]] = {
-    "SiamFC": "siamfc",
-    "SiamRPN++": "siamrpn_r50_l234_dwxcorr",
-    "SiamMask_E": "siammask_e",
-}
-# Years of VOT that a table needs; the paper does not give the year of Tables 2 and 3.
+# Years of VOT that a table needs.
 _YEARS: Final[dict[PresetName, tuple[int, ...]]] = {
     "table1": (2016, 2018, 2019),
-    "table2": (),
-    "table3": (),
-    "table4": (2018,),
+    "table2": (ABLATION_YEAR,),
+    "table3": (ABLATION_YEAR,),
+    "table4": (ABLATION_YEAR,),
 }
 # Trackers that need no weights.
 _WITHOUT_WEIGHTS: Final = ("csrt", "kcf")
@@ -104,7 +99,7 @@ def preset(
     missing = [
         f"{title}: give --weights {name}=FILE; its authors publish {MODEL_ZOO[name].file} at "
         f"{MODEL_ZOO[name].source}"
-        for title, name in _TRACKERS.items()
+        for title, name in PAPER_TRACKERS.items()
         if name not in chosen
     ]
     if datasets is not None:
@@ -116,8 +111,8 @@ def preset(
 
 
 def _missing_data(table: PresetName, years: set[int | None]) -> list[str]:
-    where = "not among the datasets; download it from votchallenge.net"
-    lines = [f"VOT{year}: {where}" for year in _YEARS[table] if year not in years]
-    if not _YEARS[table] and years <= {None}:
-        lines.append(f"VOT2016, VOT2018 or VOT2019: {where}")
-    return lines
+    return [
+        f"VOT{year}: not among the datasets; download it from votchallenge.net"
+        for year in _YEARS[table]
+        if year not in years
+    ]

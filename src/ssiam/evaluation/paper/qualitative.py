@@ -1,4 +1,4 @@
-"""Fig. 4 of the paper: example frames with the boxes of a tracker alone and stabilized."""
+"""`Example`: a tracker alone and stabilized on one sequence; and its boxes in the frames."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from ssiam.datasets import VideoSequence
-from ssiam.evaluation.measures.regions import Floats, upright
+from ssiam.evaluation.measures.regions import Floats, as_rows, corners_of, is_region, upright
 from ssiam.evaluation.measures.trajectory import TrackedSequence
 from ssiam.evaluation.paper.canvas import SMALL, canvas, png
 from ssiam.evaluation.paper.summary import Summaries, Summary
 from ssiam.geometry import Image, iou
-from ssiam.stabilize import StabilizerConfig
+from ssiam.stabilize import Method, StabilizerConfig
 
 _MAX_FRAMES: Final = 6
 _MIN_GAP: Final = 1 / 15  # between two frames, share of the sequence
@@ -41,8 +41,10 @@ class Example:
     sequence : VideoSequence
     one_pass : bool
         Whether these are one-pass runs; otherwise the tracker was restarted after each loss.
-    truth, off, stabilized : (N, 4) float64
-        Boxes x, y, w, h, pixels; nan in frames without one.
+    truth, off, stabilized : (N, 4) or (N, 8) float64
+        Boxes x, y, w, h or corners, pixels; nan in frames without one.
+    method : str
+        How `stabilized` was stabilized.
     """
 
     tracker: str
@@ -51,11 +53,14 @@ class Example:
     truth: Floats
     off: Floats
     stabilized: Floats
+    method: Method = "paper"
 
     @property
     def overlaps(self) -> Floats:
-        """Overlap (2, N) of off and stabilized boxes with the truth; 0 without a box."""
-        return np.nan_to_num([iou(boxes, self.truth) for boxes in (self.off, self.stabilized)])
+        """Overlap (2, N) of off and stabilized upright boxes with the truth; 0 without a box."""
+        truth = upright(self.truth)
+        regions = self.off, self.stabilized
+        return np.nan_to_num([iou(upright(each), truth) for each in regions])
 
     @property
     def frames(self) -> list[int]:
@@ -98,7 +103,7 @@ def largest_difference(found: Summaries) -> Example | None:
     if not ranked:
         return None
     *_, name, off, on = max(ranked, key=lambda each: each[:2])
-    return _example(name, off, on)
+    return example_of(name, off, on)
 
 
 def _change(first: Mapping[str, float], second: Mapping[str, float], name: str) -> float:
@@ -106,26 +111,35 @@ def _change(first: Mapping[str, float], second: Mapping[str, float], name: str) 
     return 0.0 if math.isnan(change) else change
 
 
-def _example(name: str, off: Summary, stabilized: Summary) -> Example:
+def example_of(name: str, off: Summary, stabilized: Summary) -> Example | None:
+    """The results on a sequence; one-pass runs if both have them. None if one has no run."""
     one_pass = name in off.one_pass and name in stabilized.one_pass
     first, second = (each.one_pass if one_pass else each.supervised for each in (off, stabilized))
+    if name not in first or name not in second:
+        return None
     sequence = first[name].sequence
     count = min(len(each.runs[0]) for each in (first[name], second[name]))
     return Example(
         off.tracker,
         sequence,
         one_pass,
-        upright(sequence.truth[:count]),
-        _boxes(first[name], count),
-        _boxes(second[name], count),
+        sequence.truth[:count],
+        _regions(first[name], count),
+        _regions(second[name], count),
+        "paper" if stabilized.config is None else stabilized.config.stabilize,
     )
 
 
-def _boxes(tracked: TrackedSequence, count: int) -> Floats:
-    return upright(tracked.runs[0].regions[:count])
+def _regions(tracked: TrackedSequence, count: int) -> Floats:
+    """The regions (N, 8) of the first run; the truth in frames where the tracker was started."""
+    run = tracked.runs[0].first(count)
+    regions = as_rows(run.regions)
+    starts = run.initializations
+    regions[starts] = as_rows(tracked.sequence.truth)[starts]
+    return regions
 
 
-def figure4(found: Example) -> bytes:
+def draw_boxes(found: Example) -> bytes:
     """Draw the frames of an example as a PNG.
 
     Each panel shows the region around the target, and in its title the overlaps with the truth.
@@ -155,18 +169,26 @@ def figure4(found: Example) -> bytes:
 
 
 def _draw(panel: Any, image: Image, boxes: tuple[Floats, ...]) -> None:
-    from matplotlib.patches import Rectangle
-    from matplotlib.patheffects import Normal, Stroke
-
-    left, top, right, bottom = _panel_bounds(image, boxes[0])
+    left, top, right, bottom = _panel_bounds(image, upright(boxes[0][None])[0])
     extent = (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5)
     panel.imshow(image[top:bottom, left:right, ::-1], extent=extent)
-    for (x, y, w, h), (_, color, line) in zip(boxes, _BOXES, strict=True):
-        if np.isfinite((x, y, w, h)).all():
-            outline = Rectangle((x, y), w, h, fill=False, ec=color, lw=1.8, ls=line)
-            outline.set_path_effects([Stroke(linewidth=3.2, foreground="#000000a0"), Normal()])
-            panel.add_patch(outline)
+    for region, (_, color, line) in zip(boxes, _BOXES, strict=True):
+        outline_region(panel, region, color, line)
     panel.set(xlim=extent[:2], ylim=extent[2:])
+
+
+def outline_region(
+    panel: Any, region: Floats, color: str, line: Any = "-", width: float = 1.8
+) -> None:
+    """Draw a box (4,) or corners (8,), pixels, in lines of `width` points; nothing if it is nan."""
+    from matplotlib.patches import Polygon
+    from matplotlib.patheffects import Normal, Stroke
+
+    rows = as_rows(region[None])
+    if is_region(rows)[0]:
+        outline = Polygon(corners_of(rows)[0], fill=False, ec=color, lw=width, ls=line)
+        outline.set_path_effects([Stroke(linewidth=width + 1.4, foreground="#000000a0"), Normal()])
+        panel.add_patch(outline)
 
 
 def _panel_bounds(image: Image, xywh: Floats) -> tuple[int, int, int, int]:

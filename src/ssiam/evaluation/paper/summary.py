@@ -51,7 +51,10 @@ class Summary:
     fps : float
         Frames per second over all supervised runs, or else one-pass runs; nan if unknown.
     scores : Scores or None
-        pysot's conventions; None if the dataset is not a year of VOT.
+        Of the supervised runs, by pysot's conventions; EAO is nan if the dataset is not a year of
+        VOT. None without such runs or without the size of the frames.
+    eao_curve : (L,) float64 or None
+        Expected overlap by fragment length (`pysot.eao_curve`); None where `scores` is.
     """
 
     label: str
@@ -61,6 +64,7 @@ class Summary:
     one_pass: Mapping[str, TrackedSequence]
     fps: float
     scores: Scores | None
+    eao_curve: Floats | None
 
     @cached_property
     def lost(self) -> dict[str, float]:
@@ -155,7 +159,7 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     folders = _folders(results)
     year = known_year(dataset.name)
     notes: list[str] = []
-    sequences = {name: _with_size(each, year, notes) for name, each in dataset.sequences.items()}
+    sequences = {name: _with_size(each, notes) for name, each in dataset.sequences.items()}
     entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_sort_key)
     found = [each for each in entries if each.supervised or each.one_pass]
     without_supervised = [each.label for each in found if not each.supervised]
@@ -222,7 +226,7 @@ def _summary(
         supervised,
         one_pass,
         _fps(folder / "times" / experiment, supervised or one_pass, notes),
-        _scores(supervised.values(), year),
+        *_scores(supervised.values(), year),
     )
 
 
@@ -269,17 +273,21 @@ def _fps(folder: Path, runs: Iterable[str], notes: list[str]) -> float:
     return frames / seconds if seconds else float("nan")
 
 
-def _scores(runs: Iterable[TrackedSequence], year: int | None) -> Scores | None:
-    """A, R and EAO; None without a year, or if a frame size is unknown."""
+def _scores(
+    runs: Iterable[TrackedSequence], year: int | None
+) -> tuple[Scores, Floats] | tuple[None, None]:
+    """A, R and EAO, and the curve of EAO; None without runs, or if a frame size is unknown."""
     tracked = list(runs)
-    if year is None or not tracked or any(each.sequence.size_wh is None for each in tracked):
-        return None
-    return pysot.scores([pysot.measure(each) for each in tracked], INTERVALS[year])
+    if not tracked or any(each.sequence.size_wh is None for each in tracked):
+        return None, None
+    measured = [pysot.measure(each) for each in tracked]
+    interval = None if year is None else INTERVALS[year]
+    return pysot.scores(measured, interval), pysot.eao_curve(measured)
 
 
-def _with_size(sequence: VideoSequence, year: int | None, notes: list[str]) -> VideoSequence:
+def _with_size(sequence: VideoSequence, notes: list[str]) -> VideoSequence:
     """The sequence with its frame size, which VOT's overlaps need, read from its first image."""
-    if year is None or sequence.size_wh is not None:
+    if sequence.size_wh is not None:
         return sequence
     try:
         height, width = next(sequence.images()).shape[:2]

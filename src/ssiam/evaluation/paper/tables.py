@@ -1,127 +1,168 @@
-"""The paper's Tables 1 to 4 from measured results, with published numbers next to them."""
+"""The paper's Tables 1 to 4 from measured results, next to the published numbers."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 from ssiam.evaluation.measures.compare import paired_difference
+from ssiam.evaluation.paper.cells import (
+    ABLATION_NAME,
+    DECIMALS,
+    NO_ENTRY,
+    OTHER_HEAD,
+    TABLE3_COLUMNS,
+    Table,
+    compared,
+    compared_head,
+    count,
+    measures_of,
+    other_cells,
+    plain_cells,
+    published_method,
+    table4_cells,
+    table4_head,
+)
+from ssiam.evaluation.paper.missing import missing_result
 from ssiam.evaluation.paper.presets import GENERATORS, THRESHOLDS
-from ssiam.evaluation.paper.published import ORIGINAL_LOST, ORIGINAL_YEAR, ROWS, Published
+from ssiam.evaluation.paper.published import (
+    ABLATION_TRACKER,
+    ABLATION_YEAR,
+    OTHER_ROWS,
+    TABLE1,
+    TABLE2,
+    TABLE3,
+    TABLE4,
+)
 from ssiam.evaluation.paper.summary import Summaries, Summary
 from ssiam.stabilize import METHODS, StabilizerConfig
 
-_VOT_HEAD: Final = ("A", "R /100", "EAO", "lost", "fps")
-_OTHER_HEAD: Final = ("lost", "overlap", "success", "fps")
-_PUBLISHED_HEAD: Final = ("their A", "their R", "their EAO", "their lost", "their fps", "source")
 _DEFAULTS: Final = tuple(StabilizerConfig(method) for method in METHODS)
-_UNKNOWN: Final = "The paper's numbers of this table are not available: their column is empty."
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of text cells.
-
-    Attributes
-    ----------
-    title : str
-    head : tuple of str
-    rows : list of tuple of str
-        As long as `head`; an empty cell is a missing number.
-    notes : list of str
-        Lines below the table.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    notes: list[str] = field(default_factory=list)
 
 
 def table1(found: Summaries) -> Table:
-    """Table 1: every tracker alone and stabilized; with published numbers on a year of VOT."""
+    """Table 1: every tracker alone and stabilized; on a year of VOT with the paper's rows."""
     chosen = _default_entries(found.entries)
-    notes = [line for each in chosen for line in _gain(found, each)]
     title = f"Table 1: trackers alone and stabilized, {found.dataset}"
-    own = {each.label: (each.tracker, _method(each), *_cells(each, found.year)) for each in chosen}
-    if found.year is None:
-        return Table(title, ("tracker", "stabilized", *_OTHER_HEAD), list(own.values()), notes)
-    published = [each for each in ROWS if each.year == found.year]
-    theirs = {each.label: _published_cells(each) for each in published if each.label in own}
-    empty = ("",) * len(_PUBLISHED_HEAD)
-    rows = [(*cells, *theirs.get(label, empty)) for label, cells in own.items()]
-    rows += [
-        (each.tracker, _published_method(each), *[""] * len(_VOT_HEAD), *_published_cells(each))
-        for each in published
-        if each.label not in own
-    ]
-    return Table(title, ("tracker", "stabilized", *_VOT_HEAD, *_PUBLISHED_HEAD), rows, notes)
+    notes = [line for each in chosen for line in _gain(found, each)]
+    paper = {each.label: each for each in TABLE1 if each.year == found.year}
+    if not paper:
+        rows = [
+            (each.tracker, _method(each), *plain_cells(measures_of(each)), *other_cells(each))
+            for each in chosen
+        ]
+        return Table(title, ("tracker", "stabilized", *DECIMALS, *OTHER_HEAD), rows, notes)
+    rows = []
+    for each in chosen:
+        theirs = paper[each.label].measures if each.label in paper else None
+        cells = compared(measures_of(each), theirs)
+        rows.append((each.tracker, _method(each), *cells, *other_cells(each), ""))
+    measured = {each.label for each in chosen}
+    for label, row in paper.items():
+        if label not in measured:
+            cells = compared(None, row.measures)
+            reason = missing_result(label, "table1")
+            rows.append((row.tracker, published_method(row), *cells, *NO_ENTRY, reason))
+    head = ("tracker", "stabilized", *compared_head(), *OTHER_HEAD, "missing")
+    return Table(title, head, rows, notes)
 
 
-def published_table(years: Iterable[int]) -> Table:
-    """The paper's printed Table 1 for some years of VOT."""
-    wanted = set(years)
+def other_sources(found: Summaries) -> Table:
+    """Results that others than the paper have published for the dataset, beside the same ours."""
+    measured = {each.label: measures_of(each) for each in found.entries}
     rows = [
-        (f"VOT{each.year}", each.tracker, _published_method(each), *_published_cells(each)[:-1])
-        for each in ROWS
-        if each.source == "paper" and each.year in wanted
+        (
+            *(each.tracker, each.source),
+            *compared(measured.get(each.label), each.measures),
+            count(each.lost),
+        )
+        for each in OTHER_ROWS
+        if each.year == found.year
     ]
-    return Table(
-        "Table 1 as printed in the paper", ("dataset", "tracker", "stabilized", *_VOT_HEAD), rows
-    )
+    head = ("tracker", "source", *compared_head("their"), "their lost")
+    return Table(f"Other published results, {found.dataset}", head, rows)
 
 
 def table2(found: Summaries) -> Table:
     """Table 2: results by keypoint generator of the camera motion."""
-    head = ("tracker", "keypoints", *_head(found), "paper")
-    rows, notes = [], [_UNKNOWN]
-    for tracker in _trackers(found.entries):
-        by_name = {"off": StabilizerConfig("off"), **GENERATORS}
-        named = {name: found.find(tracker, config) for name, config in by_name.items()}
+    rows = []
+    configs = {"off": StabilizerConfig("off"), **GENERATORS}
+    for tracker in _varied(found, GENERATORS.values()):
+        named = {name: found.find(tracker, config) for name, config in configs.items()}
         for name, each in named.items():
-            if each is not None:
-                rows.append((tracker, name, *_cells(each, found.year), ""))
-        notes += _missing(tracker, "keypoints", named, "table2")
-    return Table(f"Table 2: keypoint generators, {found.dataset}", head, rows, notes)
+            rows.append(
+                (
+                    *(tracker, name),
+                    *compared(measures_of(each), TABLE2.get(name)),
+                    *other_cells(each),
+                    "" if each else missing_result(f"{tracker}-paper", "table2"),
+                )
+            )
+    head = ("tracker", "keypoints", *compared_head(), *OTHER_HEAD, "missing")
+    title = f"Table 2: keypoint generators, {found.dataset}"
+    return Table(title, head, rows, _difference_notes(found, rows))
 
 
 def table3(found: Summaries) -> Table:
     """Table 3: results by threshold of eq. 6, varied one at a time."""
-    head = ("tracker", "threshold", "value", *_head(found), "paper")
-    rows, notes = [], [_UNKNOWN]
-    for tracker in _trackers(found.entries):
-        for threshold, configs in THRESHOLDS.items():
-            named = {f"{value:g}": found.find(tracker, each) for value, each in configs.items()}
-            for name, each in named.items():
-                if each is not None:
-                    rows.append((tracker, threshold, name, *_cells(each, found.year), ""))
-            notes += _missing(tracker, threshold, named, "table3")
-    return Table(f"Table 3: thresholds, {found.dataset}", head, rows, notes)
+    rows = []
+    for tracker in _varied(found, [each for row in THRESHOLDS.values() for each in row.values()]):
+        for (threshold, configs), paper in zip(THRESHOLDS.items(), TABLE3.values(), strict=True):
+            named = {value: found.find(tracker, each) for value, each in configs.items()}
+            for value, each in named.items():
+                rows.append(
+                    (
+                        *(tracker, threshold, f"{value:g}"),
+                        *compared(measures_of(each), paper.get(value), TABLE3_COLUMNS),
+                        *other_cells(each),
+                        "" if each else missing_result(f"{tracker}-paper", "table3"),
+                    )
+                )
+    measures = compared_head(columns=TABLE3_COLUMNS)
+    head = ("tracker", "threshold", "value", *measures, *OTHER_HEAD, "missing")
+    title = f"Table 3: thresholds, {found.dataset}"
+    return Table(title, head, rows, _difference_notes(found, rows))
 
 
 def table4(found: Summaries) -> Table:
     """Table 4: lost targets by sequence, where any run or the paper lost one."""
     chosen = [each for each in _default_entries(found.entries) if each.supervised]
-    original = ORIGINAL_LOST if found.year == ORIGINAL_YEAR else {}
+    paper = TABLE4 if found.year == ABLATION_YEAR else {}
     listed = [
         name
         for name in found.sequences
-        if name in original or any(each.lost.get(name, 0) for each in chosen)
+        if name in paper or any(each.lost.get(name, 0) for each in chosen)
     ]
+    listed += [name for name in paper if name not in found.sequences]
+    lost = {each.label: each.lost for each in chosen}
     rows = [
-        (name, *(_count(each.lost.get(name)) for each in chosen), _count(original.get(name)))
+        (
+            name,
+            *(count(each.lost.get(name)) for each in chosen),
+            *table4_cells(name, paper, lost, _missing_lost(name, found, lost)),
+        )
         for name in listed
     ]
     if chosen:
-        rows.append(("all sequences", *(_count(sum(each.lost.values())) for each in chosen), ""))
-    head = ("sequence", *(each.label for each in chosen), "paper: Original")
-    if not original:
-        head, rows = head[:-1], [row[:-1] for row in rows]
-    left_out = f"{len(found.sequences) - len(listed)} of {len(found.sequences)} sequences"
+        empty = ("",) * len(table4_head(paper))
+        rows.append(("all sequences", *(count(sum(each.lost.values())) for each in chosen), *empty))
+    head = ("sequence", *(each.label for each in chosen), *table4_head(paper))
+    untouched = len(set(found.sequences) - set(listed))
+    left_out = f"{untouched} of {len(found.sequences)} sequences"
     notes = [f"Left out because no run lost its target there: {left_out}."]
+    if paper:
+        notes.append(f"The paper's columns and the differences are of {ABLATION_TRACKER}.")
     return Table(f"Table 4: lost targets, {found.dataset}", head, rows, notes)
+
+
+def _missing_lost(name: str, found: Summaries, lost: Mapping[str, Mapping[str, float]]) -> str:
+    """What is needed for lost targets of the paper's tracker on a sequence of VOT2018."""
+    if name not in found.sequences:
+        return f"VOT{ABLATION_YEAR}"
+    labels = [f"{ABLATION_NAME}-{method}" for method in ("off", "paper")]
+    if all(name in lost.get(label, {}) for label in labels):
+        return ""
+    return missing_result(labels[0], "table4")
 
 
 def _default_entries(entries: Iterable[Summary]) -> list[Summary]:
@@ -129,16 +170,30 @@ def _default_entries(entries: Iterable[Summary]) -> list[Summary]:
     return [each for each in entries if each.config is None or each.config in _DEFAULTS]
 
 
-def _trackers(entries: Iterable[Summary]) -> list[str]:
-    return list(dict.fromkeys(each.tracker for each in entries if each.config is not None))
+def _varied(found: Summaries, configs: Iterable[StabilizerConfig]) -> list[str]:
+    """Trackers with results of a configuration that is not a default; and the paper's, with any."""
+    wanted = tuple(configs)
+    trackers = dict.fromkeys(
+        each.tracker
+        for each in found.entries
+        if each.config in wanted and (each.config not in _DEFAULTS or each.tracker == ABLATION_NAME)
+    )
+    return list(trackers)
+
+
+def _difference_notes(found: Summaries, rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """A line if the differences are not only those of the runs."""
+    trackers = ", ".join(dict.fromkeys(row[0] for row in rows))
+    if trackers == ABLATION_NAME and found.year == ABLATION_YEAR:
+        return []
+    return [
+        f"The paper's numbers are of {ABLATION_TRACKER} on VOT{ABLATION_YEAR}, ours of {trackers} "
+        f"on {found.dataset}: the differences contain those of tracker and dataset."
+    ]
 
 
 def _method(summary: Summary) -> str:
     return "" if summary.config is None else summary.config.stabilize
-
-
-def _published_method(row: Published) -> str:
-    return "paper" if row.tracker.startswith("S-") else "off"
 
 
 def _gain(found: Summaries, stabilized: Summary) -> list[str]:
@@ -151,44 +206,3 @@ def _gain(found: Summaries, stabilized: Summary) -> list[str]:
         f"{stabilized.label} against off, lost targets over {change.sequences} sequences: "
         f"{change.value:+g} (95 % of the resampled sequences: {change.low:+g} .. {change.high:+g})"
     ]
-
-
-def _missing(
-    tracker: str, what: str, named: Mapping[str, Summary | None], preset: str
-) -> list[str]:
-    names = ", ".join(name for name, each in named.items() if each is None)
-    line = f"{tracker}, {what}: no results of {names} (ssiam bench ... --preset {preset})"
-    return [line] if names else []
-
-
-def _head(found: Summaries) -> tuple[str, ...]:
-    return _OTHER_HEAD if found.year is None else _VOT_HEAD
-
-
-def _cells(summary: Summary, year: int | None) -> tuple[str, ...]:
-    """The cells of the columns in `_head`."""
-    lost = _count(sum(summary.lost.values()) if summary.supervised else None)
-    fps = _number(summary.fps, 0)
-    if year is None:
-        overlaps = [value for value in summary.overlaps.values() if not math.isnan(value)]
-        mean = sum(overlaps) / len(overlaps) if overlaps else None
-        return lost, _number(mean), _number(summary.success.auc), fps
-    scores = summary.scores
-    if scores is None:
-        return "", "", "", lost, fps
-    measures = scores.accuracy, scores.robustness, scores.eao
-    return (*(_number(value) for value in measures), lost, fps)
-
-
-def _published_cells(row: Published) -> tuple[str, ...]:
-    """The cells of the columns in `_PUBLISHED_HEAD`."""
-    measures = (_number(value) for value in (row.accuracy, row.robustness, row.eao))
-    return (*measures, _count(row.lost), _number(row.fps, 0), row.source)
-
-
-def _number(value: float | None, decimals: int = 3) -> str:
-    return "" if value is None or math.isnan(value) else f"{value:.{decimals}f}"
-
-
-def _count(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
