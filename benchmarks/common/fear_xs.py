@@ -72,7 +72,7 @@ class FearXs:
         From the logit of the best cell.
     """
 
-    can_seek, reseek_below = True, 0.0
+    can_seek, reseek_below, center_inset = True, 0.0, 1.0
 
     def __init__(
         self,

@@ -127,10 +127,11 @@ def xywh_from_corners(corners: ArrayLike) -> XYWH:
     return float(left), float(top), float(right - left), float(bottom - top)
 
 
-def area_preserving_xywh(corners: ArrayLike) -> XYWH:
+def area_preserving_xywh(corners: ArrayLike, center_inset: float = 1.0) -> XYWH:
     """Upright box with the center and area of a rotated box (4, 2), used to start VOT trackers.
 
-    Its pixel center ``x + (w - 1) / 2`` is the mean of the corners, as in the reference trackers.
+    The mean of the corners is at ``x + (w - center_inset) / 2``: by default the center of the
+    box's pixels, as in most reference trackers.
     """
     xy = np.asarray(corners, dtype=np.float64).reshape(4, 2)
     cx, cy = xy.mean(axis=0)
@@ -138,7 +139,8 @@ def area_preserving_xywh(corners: ArrayLike) -> XYWH:
     area = np.linalg.norm(xy[0] - xy[1]) * np.linalg.norm(xy[1] - xy[2])
     shrink = np.sqrt(area / (span_w * span_h))
     w, h = shrink * span_w + 1, shrink * span_h + 1
-    return float(cx - (w - 1) / 2), float(cy - (h - 1) / 2), float(w), float(h)
+    left, top = cx - (w - center_inset) / 2, cy - (h - center_inset) / 2
+    return float(left), float(top), float(w), float(h)
 
 
 def iou(xywh: ArrayLike, other: ArrayLike) -> Points:

@@ -57,6 +57,15 @@ def test_restart_five_frames_after_a_failure():
     np.testing.assert_array_equal(found.regions[found.status == T][0], TARGET)
 
 
+@pytest.mark.parametrize("protocol", ["vot", "realtime"])
+def test_trackers_start_on_the_corners_of_a_polygon(protocol):
+    """How a polygon becomes a box depends on the tracker."""
+    polygon = (20.0, 11.0, 31.0, 10.0, 32.0, 17.0, 21.0, 18.0)
+    tracker = Scripted()
+    run(tracker, Numbered("numbers", tuple(range(3)), np.tile(polygon, (3, 1))), protocol)
+    assert tracker.started == [(0, polygon)]
+
+
 def test_one_pass_continues_after_a_loss():
     found = run(Scripted(away=[4, 5]), sequence(), "ope")
     assert found.status.tolist() == [B] + [T] * 19

@@ -21,6 +21,11 @@ def test_default_keypoints_depend_on_the_method(method):
         pytest.param({"window": 0}, "window is 0", id="no frames"),
         pytest.param({"thx1": -1}, "thx1 is -1", id="negative limit"),
         pytest.param({"tha": float("nan")}, "tha is nan", id="nan"),
+        pytest.param({"shake": -1}, "shake is -1", id="negative shake"),
+        pytest.param({"judge": "eye"}, "unknown judge 'eye'", id="judge"),
+        pytest.param({"limits": "none"}, "unknown limits 'none'", id="order of limits"),
+        pytest.param({"tha_limits": "x"}, "unknown tha_limits 'x'", id="limited by THa"),
+        pytest.param({"tha_unit": "turn"}, "unknown tha_unit 'turn'", id="unit of THa"),
         pytest.param({"thz": 1}, "unknown option 'thz': choose from keypoints, fit", id="unknown"),
     ],
 )
@@ -46,6 +51,7 @@ def test_options_are_the_flat_settings_in_the_order_of_labels():
     assert list(StabilizerConfig().options()) == [
         *("keypoints", "fit"),
         *("window", "gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"),
+        *("judge", "shake", "limits", "tha_limits", "tha_unit"),
         *("choose", "speed", "turn", "trust", "find", "memory", "smoothing", "margin"),
     ]
 

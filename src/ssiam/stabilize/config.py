@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -12,6 +13,22 @@ from ssiam.motion import KEYPOINTS, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal", "predict"]
 METHODS: tuple[Method, ...] = get_args(Method)
+JudgeName: TypeAlias = Literal["frame", "window"]
+LimitOrder: TypeAlias = Literal["nested", "exclusive"]
+AngleLimit: TypeAlias = Literal["angle", "change"]
+AngleUnit: TypeAlias = Literal["rad", "deg"]
+_CHOICES: Final[dict[str, tuple[str, ...]]] = {
+    "judge": get_args(JudgeName),
+    "limits": get_args(LimitOrder),
+    "tha_limits": get_args(AngleLimit),
+    "tha_unit": get_args(AngleUnit),
+}
+
+
+_PAPER_NUMBERS: Final = ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha", "shake")
+# px, between still cameras (up to .2) and hand-held shake of 1 % of the width (2.4 and more);
+# from benchmarks/calibration/paper_method.py.
+SHAKE: Final = 0.7
 
 
 def _check_type(config: object, name: str, kind: type, expected: str) -> None:
@@ -37,8 +54,7 @@ class PaperConfig:
     window : int
         Frames of the camera path that are averaged, the current one included.
     gate : float
-        Threshold judge of Fig. 2, pixels: a frame whose pixels are all within this distance of
-        the smoothed path is not moved. The paper gives no number.
+        Threshold of the judge "frame", pixels. The paper gives no number.
     border : int
         N of eq. 6: pixels added on each side of the stabilized frame, so that nothing is lost.
         "predict" uses it too.
@@ -51,7 +67,21 @@ class PaperConfig:
     thy2 : float
         THy2 of eq. 6, pixels per frame: the largest change of the shift along y.
     tha : float
-        THa of eq. 6, radians: the largest rotation.
+        THa of eq. 6, in `tha_unit`: the largest rotation, or its largest change.
+    judge : {"frame", "window"}
+        Threshold judge of Fig. 2. "frame" does not move a frame whose pixels are all within
+        `gate` of the smoothed path. "window" sums squared distances along x and y over the last
+        `window` frames, as the paper says, and does not move any frame of a still camera.
+    shake : float
+        Threshold of the judge "window", pixels: root mean square distance of the path from the
+        smoothed path. From benchmarks/calibration/paper_method.py.
+    limits : {"nested", "exclusive"}
+        Eq. 6: "nested" limits the shift and then its change; "exclusive" applies only the first
+        case that holds, as printed, so that a shift at its limit may be reached in one frame.
+    tha_limits : {"angle", "change"}
+        What THa limits: the rotation, or its change from frame to frame.
+    tha_unit : {"rad", "deg"}
+        Unit of `tha`; the paper gives none.
 
     Raises
     ------
@@ -67,16 +97,28 @@ class PaperConfig:
     thx2: float = 20.0
     thy2: float = 10.0
     tha: float = 0.3
+    judge: JudgeName = "frame"
+    shake: float = SHAKE
+    limits: LimitOrder = "nested"
+    tha_limits: AngleLimit = "angle"
+    tha_unit: AngleUnit = "rad"
 
     def __post_init__(self) -> None:
         for name in ("window", "border"):
             _check_type(self, name, Integral, "a whole number")
-        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
+        for name in _PAPER_NUMBERS:
             _check_type(self, name, Real, "a number")
         if self.window < 1:
             raise ArgumentError(f"window is {self.window} frames: it must be at least 1")
-        for name in ("gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"):
+        for name in _PAPER_NUMBERS:
             _check_not_negative(self, name)
+        for name, choices in _CHOICES.items():
+            check_choice(name, getattr(self, name), choices)
+
+    @property
+    def tha_rad(self) -> float:
+        """THa of eq. 6, radians."""
+        return self.tha if self.tha_unit == "rad" else math.radians(self.tha)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import IDENTITY, Transform, frame_center, rigid, short_repr
 from ssiam.motion import Motion
 from ssiam.stabilize.config import StabilizerConfig
+from ssiam.stabilize.judge import ShakeJudge
 
 
 class Stabilizer(DeepCopied):
@@ -35,7 +36,8 @@ class Stabilizer(DeepCopied):
             raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
         self._config = config
         self._path = CameraPath(config.paper.window)
-        self._shift = (0.0, 0.0)  # dx', dy' of the previous frame
+        self._judge = ShakeJudge(config.paper)
+        self._last = (0.0, 0.0, 0.0)  # dx', dy', da' of the previous frame
         self._stab_from_raw: Transform = IDENTITY
 
     def update(self, motion: Motion) -> Transform:
@@ -59,6 +61,11 @@ class Stabilizer(DeepCopied):
         self._stab_from_raw = rigid(dx, dy, angle, frame_center(motion.size_wh))
         return self._stab_from_raw
 
+    @property
+    def shakes(self) -> bool:
+        """Whether the judge found that the last frame needs stabilization (Table 4)."""
+        return self._judge.answer
+
     def _correction(self, motion: Motion) -> tuple[float, float, float]:
         """(dx, dy, da) that moves the frame onto the smoothed path (eq. 5)."""
         dx, dy, angle = self._path.difference()
@@ -73,14 +80,16 @@ class Stabilizer(DeepCopied):
         """Apply the limits of eq. 6, with the signs that are missing in the printed form."""
         config = self._config.paper
         n = config.border
-        if _max_displacement(new_trans, size_wh) < config.gate:
+        if not self._judge.shakes(new_trans, self._path.difference(), size_wh):
             new_trans = (0.0, 0.0, 0.0)
+        limited = _nested if config.limits == "nested" else _exclusive
         dx, dy, angle = new_trans
-        prev_dx, prev_dy = self._shift
-        dx = _clamped(_clamped(dx, 0.0, n + config.thx1), prev_dx, config.thx2)
-        dy = _clamped(_clamped(dy, 0.0, n + config.thy1), prev_dy, config.thy2)
-        self._shift = dx, dy
-        return dx, dy, _clamped(angle, 0.0, config.tha)
+        prev_dx, prev_dy, prev_angle = self._last
+        dx = limited(dx, n + config.thx1, prev_dx, config.thx2)
+        dy = limited(dy, n + config.thy1, prev_dy, config.thy2)
+        middle = 0.0 if config.tha_limits == "angle" else prev_angle
+        self._last = dx, dy, _clamped(angle, middle, config.tha_rad)
+        return self._last
 
 
 class CameraPath(DeepCopied):
@@ -136,7 +145,13 @@ def _clamped(value: float, middle: float, reach: float) -> float:
     return min(max(value, middle - reach), middle + reach)
 
 
-def _max_displacement(new_trans: tuple[float, float, float], size_wh: tuple[int, int]) -> float:
-    """Upper bound of the displacement of all pixels, in pixels; Fig. 2 compares only x and y."""
-    dx, dy, angle = new_trans
-    return math.hypot(dx, dy) + abs(angle) * math.hypot(*size_wh) / 2
+def _nested(value: float, limit: float, prev: float, change: float) -> float:
+    """Both cases of eq. 6: at most `limit` from 0, and then at most `change` from `prev`."""
+    return _clamped(_clamped(value, 0.0, limit), prev, change)
+
+
+def _exclusive(value: float, limit: float, prev: float, change: float) -> float:
+    """The first case of eq. 6 that holds."""
+    if abs(value) > limit:
+        return math.copysign(limit, value)
+    return _clamped(value, prev, change)

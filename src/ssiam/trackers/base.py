@@ -29,6 +29,13 @@ class ViewTracker(Protocol):
     def reseek_below(self) -> float:
         """Score (0..1) up to which a second search in the same frame is worth its cost."""
 
+    @property
+    def center_inset(self) -> float:
+        """The center of a first box is at ``x + (w - center_inset) / 2``, pixels.
+
+        A rotated box is turned into the upright box whose center, so defined, is its own.
+        """
+
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""
 

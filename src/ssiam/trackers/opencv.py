@@ -57,6 +57,8 @@ class OpenCvTracker(DeepCopied):
     name : {"csrt", "kcf", "mil"}
     """
 
+    center_inset: Final = 1.0
+
     def __init__(self, name: OpenCvName) -> None:
         self._name: OpenCvName = name
         self._tracker: Any = None

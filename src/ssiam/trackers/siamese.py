@@ -97,6 +97,7 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
 
     can_seek: Final = True
     reseek_below: Final = 0.0
+    center_inset = 1.0
 
     def __init__(self) -> None:
         self._target_or_none: TargetT | None = None

@@ -143,7 +143,9 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         super().__init__()
         self._networks = networks
         self._parameters = parameters
-        self._crop: Crop = pysot_crop if parameters.variant == "pysot" else siammask_crop
+        pysot = parameters.variant == "pysot"
+        self.center_inset = 1.0 if pysot else 0.0
+        self._crop: Crop = pysot_crop if pysot else siammask_crop
         self._anchors = anchor_boxes(parameters.side)
         self._window: Floats = np.tile(cosine_window(parameters.side), ANCHORS)
 

@@ -8,9 +8,19 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, CopyError
-from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr
+from ssiam.geometry import (
+    XYWH,
+    Image,
+    area_preserving_xywh,
+    check_box,
+    check_frame,
+    finite_array,
+    short_repr,
+)
 from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
 from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
@@ -88,8 +98,9 @@ class StabilizedTracker(NotPicklable):
         Parameters
         ----------
         frame : (H, W, 3) uint8 BGR
-        box : (x, y, w, h)
-            Raw-frame pixels, 0-based, floats allowed.
+        box : (x, y, w, h), or (x1, y1, x2, y2, x3, y3, x4, y4)
+            Raw-frame pixels, 0-based, floats allowed. Of the corners of a rotated box, the
+            tracker gets the upright box of the same center and area.
 
         Raises
         ------
@@ -97,7 +108,8 @@ class StabilizedTracker(NotPicklable):
             The frame is not an image, or the box is empty, not finite or outside of the frame.
         """
         size_wh = check_frame(frame)
-        xywh, loss, blanks = check_box(box, size_wh), LossDetector(), BlankFrameDetector(frame)
+        xywh = _first_box(box, size_wh, self._tracker)
+        loss, blanks = LossDetector(), BlankFrameDetector(frame)
         follower, camera = self._new_follower(self._config, frame, xywh, loss)
         self._tracker.init(_raw_view(frame, self._config), xywh)
         self._target = _Target(size_wh, xywh, xywh, loss, blanks, follower, camera)
@@ -247,6 +259,16 @@ class StabilizedTracker(NotPicklable):
 def _check_config(config: StabilizerConfig) -> None:
     if not isinstance(config, StabilizerConfig):
         raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
+
+
+def _first_box(box: Sequence[float], size_wh: tuple[int, int], tracker: ViewTracker) -> XYWH:
+    """The upright box of `box`, four numbers or the eight of its corners."""
+    corners = finite_array(box)
+    if corners is None or corners.shape != (8,):
+        return check_box(box, size_wh)
+    if not np.ptp(corners.reshape(4, 2), axis=0).all():
+        raise ArgumentError(f"box {short_repr(box)} is empty: its corners are on one line")
+    return check_box(area_preserving_xywh(corners, tracker.center_inset), size_wh)
 
 
 def _new_camera(config: StabilizerConfig) -> PrefetchingCameraMotion | None:

@@ -14,7 +14,7 @@ from ssiam.errors import SourceError, check_choice
 from ssiam.evaluation.measures.overlap import vot_overlap
 from ssiam.evaluation.measures.trajectory import Status, Trajectory
 from ssiam.evaluation.runs.result_files import Experiment
-from ssiam.geometry import Image
+from ssiam.geometry import Image, area_preserving_xywh
 from ssiam.track import Track
 
 ProtocolName: TypeAlias = Literal["vot", "ope", "realtime"]
@@ -34,7 +34,7 @@ class Tracker(Protocol):
     """The interface of a tracker that a protocol runs; see `ssiam.load_tracker`."""
 
     def init(self, frame: Image, box: Sequence[float]) -> None:
-        """Start on the target in `box`, x, y, w, h in pixels."""
+        """Start on the target in `box`: x, y, w, h, or four corners; pixels."""
 
     def update(self, frame: Image) -> Track:
         """Track the target into the next frame."""
@@ -78,7 +78,7 @@ def run(tracker: Tracker, sequence: VideoSequence, protocol: ProtocolName = "vot
             continue
         start = time.perf_counter()
         if not tracking:
-            tracker.init(image, sequence.box(index))
+            tracker.init(image, sequence.truth[index].tolist())
             status[index], tracking = Status.INITIALIZED, True
         else:
             regions[index] = _region_of(tracker.update(image))
@@ -121,9 +121,9 @@ class RealtimeTracker:
         self._last: Track | None = None
 
     def init(self, frame: Image, box: Sequence[float]) -> None:
-        """Start on the target in `box`, x, y, w, h in pixels."""
+        """Start on the target in `box`: x, y, w, h, or four corners; pixels."""
         self._grace_left, self._late = self._grace, 0.0
-        x, y, w, h = box
+        x, y, w, h = box if len(box) == 4 else area_preserving_xywh(box)
         self._last = Track((x, y, w, h))
         start = self._clock()
         self._tracker.init(frame, box)

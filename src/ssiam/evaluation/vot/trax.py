@@ -22,7 +22,7 @@ import numpy as np
 
 from ssiam.datasets.images import image_levels, read_image
 from ssiam.errors import ArgumentError, MissingExtraError, StreamError, one_line
-from ssiam.geometry import XYWH, area_preserving_xywh, corners_from_xywh
+from ssiam.geometry import corners_from_xywh
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 from ssiam.video.levels import Levels
@@ -65,7 +65,7 @@ def serve(tracker: StabilizedTracker) -> None:
             image = read_image(path, levels)
             if request.objects:
                 start = request.objects[0][0]
-                tracker.init(image, _box_from_region(start))
+                tracker.init(image, _start_box(start))
                 session.reply(start, 1.0)
             else:
                 track = tracker.update(image)
@@ -112,8 +112,10 @@ class _Session:
         self._server.quit(None if exc is None else one_line(exc))
 
 
-def _box_from_region(region: Any) -> XYWH:
-    """The upright box (x, y, w, h), pixels, of a `trax.Rectangle` or a `trax.Polygon`.
+def _start_box(region: Any) -> list[float]:
+    """What a tracker starts on: x, y, w, h of a `trax.Rectangle`, the corners of a `trax.Polygon`.
+
+    Of a polygon with more than four corners, those of its smallest rotated box; pixels.
 
     Raises
     ------
@@ -125,12 +127,11 @@ def _box_from_region(region: Any) -> XYWH:
             f"cannot start on a region of type {region.type!r}: give a rectangle or a polygon"
         )
     if _is_rectangle(region):
-        x, y, w, h = region.bounds()
-        return x, y, w, h
+        return list(region.bounds())
     points = np.array(list(region), dtype=np.float32)
     if len(points) != 4:
         points = np.asarray(cv2.boxPoints(cv2.minAreaRect(points)))
-    return area_preserving_xywh(points)
+    return [float(number) for number in points.ravel()]
 
 
 def _region_from_track(track: Track, start: Any) -> Any:
