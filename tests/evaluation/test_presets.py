@@ -17,7 +17,7 @@ PAPER = StabilizerConfig("paper")
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("table1", 2), ("table2", 7), ("table3", 8), ("table4", 2)]
+    ("name", "count"), [("table1", 2), ("table2", 7), ("table3", 12), ("table4", 2)]
 )
 def test_each_configuration_occurs_once(name, count):
     labels = [each.label for each in preset(name, ["kcf"], {}).entries]
@@ -42,7 +42,9 @@ def test_table3_varies_one_threshold_at_a_time_and_keeps_the_ties():
         assert sum(changed) <= 1
     assert {each.paper.thx1 for each in configs} == {60, 80, 100}
     assert {each.paper.thx2 for each in configs} == {20, 40, 80}
-    assert {each.paper.tha for each in configs} == {0.1, 0.3, 0.5, 1.0}
+    for unit in ("rad", "deg"):
+        angles = {each.paper.tha for each in configs if each.paper.tha_unit == unit}
+        assert angles == {0.1, 0.3, 0.5, 1.0}
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -95,6 +97,7 @@ configs = st.builds(
     gate=st.floats(0, 1),
     thx1=st.floats(0, 1e9),
     tha=st.floats(0, 1e-6),
+    tha_unit=st.sampled_from(("rad", "deg")),
 )
 
 

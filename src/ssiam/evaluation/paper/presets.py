@@ -26,13 +26,16 @@ GENERATORS: Final[dict[str, StabilizerConfig]] = {
     name: replace(_PAPER, keypoints=name)
     for name in sorted(KEYPOINTS, key=lambda name: name == "direct")
 }
-# Table 3 by threshold and value; all other thresholds keep the paper's values.
+_ANGLES: Final = (0.1, 0.3, 0.5, 1.0)  # THa, without a unit in the paper
+# Table 3 by threshold and value; all other thresholds keep the paper's values. The text
+# before the comma is the key of `TABLE3`.
 THRESHOLDS: Final[dict[str, dict[float, StabilizerConfig]]] = {
     "THx1 = 2 THy1, px": {x: _PAPER.with_options(thx1=x, thy1=x / 2) for x in (60.0, 80.0, 100.0)},
     "THx2 = 2 THy2, px/frame": {
         x: _PAPER.with_options(thx2=x, thy2=x / 2) for x in (20.0, 40.0, 80.0)
     },
-    "THa, rad": {angle: _PAPER.with_options(tha=angle) for angle in (0.1, 0.3, 0.5, 1.0)},
+    "THa, rad": {angle: _PAPER.with_options(tha=angle) for angle in _ANGLES},
+    "THa, degrees": {angle: _PAPER.with_options(tha=angle, tha_unit="deg") for angle in _ANGLES},
 }
 _CONFIGS: Final[dict[PresetName, tuple[StabilizerConfig, ...]]] = {
     "table1": (_OFF, _PAPER),

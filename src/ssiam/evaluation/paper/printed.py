@@ -15,7 +15,6 @@ from ssiam.evaluation.paper.cells import (
     table4_head,
 )
 from ssiam.evaluation.paper.missing import missing_result
-from ssiam.evaluation.paper.presets import THRESHOLDS
 from ssiam.evaluation.paper.published import (
     ABLATION_TRACKER,
     ABLATION_YEAR,
@@ -73,7 +72,7 @@ def printed_tables(shown: Iterable[Table], years: Iterable[int | None]) -> list[
                 ("threshold", "value", *paper_head(TABLE3_COLUMNS), "missing"),
                 [
                     (threshold, f"{value:g}", *plain_cells(each, TABLE3_COLUMNS), missing)
-                    for threshold, by_value in zip(THRESHOLDS, TABLE3.values(), strict=True)
+                    for threshold, by_value in TABLE3.items()
                     for value, each in by_value.items()
                 ],
             )

@@ -141,12 +141,12 @@ TABLE2: Final = {
 
 # Table 3: thresholds of eq. 6, pixels (THx1 = 2 THy1), pixels per frame (THx2 = 2 THy2), radians.
 TABLE3: Final = {
-    "THx1": {
+    "THx1 = 2 THy1": {
         60.0: Measures(0.637, 0.243, 0.449),
         80.0: Measures(0.640, 0.260, 0.435),
         100.0: Measures(0.645, 0.277, 0.418),
     },
-    "THx2": {
+    "THx2 = 2 THy2": {
         20.0: Measures(0.637, 0.243, 0.449),
         40.0: Measures(0.639, 0.251, 0.436),
         80.0: Measures(0.630, 0.272, 0.402),

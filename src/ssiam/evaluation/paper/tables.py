@@ -107,7 +107,8 @@ def table3(found: Summaries) -> Table:
     """Table 3: results by threshold of eq. 6, varied one at a time."""
     rows = []
     for tracker in _varied(found, [each for row in THRESHOLDS.values() for each in row.values()]):
-        for (threshold, configs), paper in zip(THRESHOLDS.items(), TABLE3.values(), strict=True):
+        for threshold, configs in THRESHOLDS.items():
+            paper = TABLE3[threshold.partition(",")[0]]
             named = {value: found.find(tracker, each) for value, each in configs.items()}
             for value, each in named.items():
                 rows.append(
