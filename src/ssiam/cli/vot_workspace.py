@@ -68,7 +68,7 @@ def _entries(trackers: list[str], methods: list[str], pairs: list[str]) -> list[
     chosen = [check_choice("stabilize", word, METHODS) for word in methods]
     competitors = entries(trackers, chosen, weights)
     for entry in competitors:
-        entry.load(threads=1)
+        entry.load()
     return competitors
 
 

@@ -155,6 +155,20 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     return found
 
 
+def has_networks(name: str) -> bool:
+    """Whether a tracker runs networks; OpenCV's trackers do not."""
+    return name not in get_args(OpenCvName)
+
+
+def weights_path(name: str, weights: Path | None = None) -> Path | None:
+    """The file or folder of weights that `load_tracker` reads; None without any, or if missing."""
+    if not has_networks(name):
+        return None
+    if weights is None:
+        weights = SHIPPED if name == "lite" else imported_weights(MODEL_ZOO[name])
+    return weights if weights is not None and weights.exists() else None
+
+
 def imported_weights(publication: PublishedWeights) -> Path | None:
     """The folder of weights that were imported, in one of `weights_folders`; None without any."""
     folders = [folder / publication.folder for folder in weights_folders()]

@@ -9,9 +9,9 @@ from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import check_choice
 from ssiam.evaluation.measures.eao import known_year
-from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.entries import DEFAULT_OPTIONS, Entry, options_for
 from ssiam.motion import KEYPOINTS
-from ssiam.runtime import MODEL_ZOO
+from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS, TrackerName
 
@@ -78,6 +78,7 @@ def preset(
     trackers: Sequence[str] | None,
     weights: Mapping[str, Path],
     datasets: Iterable[str] | None = None,
+    options: RuntimeOptions = DEFAULT_OPTIONS,
 ) -> Preset:
     """The runs for a table of the paper.
 
@@ -92,6 +93,8 @@ def preset(
         By the name of the tracker.
     datasets : iterable of str, optional
         Names of the datasets that will be run. None leaves missing datasets out of the lines.
+    options : RuntimeOptions
+        How the networks run, and the threads of each run.
 
     Raises
     ------
@@ -110,7 +113,11 @@ def preset(
     if datasets is not None:
         missing += _missing_data(table, {known_year(each) for each in datasets})
     return Preset(
-        [Entry(each, config, weights.get(each)) for each in chosen for config in _CONFIGS[table]],
+        [
+            Entry(each, config, weights.get(each), options_for(each, options))
+            for each in chosen
+            for config in _CONFIGS[table]
+        ],
         missing,
     )
 

@@ -18,6 +18,7 @@ from ssiam.evaluation.measures.eao import INTERVALS, Scores, known_year, mean_or
 from ssiam.evaluation.measures.regions import Floats, upright
 from ssiam.evaluation.measures.success import Success, mean_success, success
 from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
+from ssiam.evaluation.runs.entries import VARIANT_KEYS
 from ssiam.evaluation.runs.result_files import (
     Experiment,
     ResultsError,
@@ -32,6 +33,7 @@ from ssiam.stabilize import METHODS, StabilizerConfig
 
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
 _MAX_NAMES: Final = 4  # in a note
+_SETTINGS: Final = r"-(?=[a-z_0-9]+=)"  # before each setting of a label
 _PARSERS: Final = {int: int, float: float}  # by type of an option
 
 
@@ -44,6 +46,7 @@ class Summary:
     label : str
         Name of the results folder.
     tracker : str
+        With the variant of the run (runtime, weights, ...) if the tracker has several.
     config : StabilizerConfig or None
         None for results of other programs, whose folder names do not contain it.
     supervised, one_pass : mapping of str to TrackedSequence
@@ -156,7 +159,9 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     year = known_year(dataset.name)
     notes: list[str] = []
     sequences = {name: _with_size(each, year, notes) for name, each in dataset.sequences.items()}
-    entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_sort_key)
+    names = _tracker_names(folders)
+    measured = (_summary(each, names[each], sequences, year, notes) for each in folders)
+    entries = sorted(measured, key=_sort_key)
     found = [each for each in entries if each.supervised or each.one_pass]
     unsupervised = [each.label for each in found if not each.supervised]
     no_pass = [each.label for each in found if year is None and not each.one_pass]
@@ -171,8 +176,12 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
 
 
 def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
-    """Tracker and configuration of an `Entry.label`; None if the text is not such a label."""
-    head, *changes = re.split(r"-(?=[a-z_0-9]+=)", label)
+    """Tracker and configuration of an `Entry.label`; None if the text is not such a label.
+
+    Runtime options and weights in the label are ignored; `parse_variant` returns them.
+    """
+    head, *settings = re.split(_SETTINGS, label)
+    changes = [each for each in settings if each.partition("=")[0] not in VARIANT_KEYS]
     tracker, _, method = head.rpartition("-")
     options = StabilizerConfig().options()
     types = {name: _PARSERS.get(type(value), str) for name, value in options.items()}
@@ -185,6 +194,28 @@ def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
         return (tracker, config) if tracker else None
     except (KeyError, ValueError):
         return None
+
+
+def parse_variant(label: str) -> str:
+    """Runtime options and weights in a label, such as ``runtime=torch, threads=4``; often empty."""
+    _, *settings = re.split(_SETTINGS, label)
+    return ", ".join(each for each in settings if each.partition("=")[0] in VARIANT_KEYS)
+
+
+def _tracker_names(folders: Iterable[Path]) -> dict[Path, str]:
+    """Name of the tracker of each folder, with the variant for trackers that have several."""
+    parsed = {folder: parse_label(folder.name) for folder in folders}
+    variants: dict[str, set[str]] = {}
+    for folder, found in parsed.items():
+        if found is not None:
+            variants.setdefault(found[0], set()).add(parse_variant(folder.name))
+    names = {}
+    for folder, found in parsed.items():
+        name = folder.name if found is None else found[0]
+        variant = parse_variant(folder.name)
+        several = found is not None and variant and len(variants[name]) > 1
+        names[folder] = f"{name} ({variant})" if several else name
+    return names
 
 
 def _sort_key(summary: Summary) -> tuple[str, int, str]:
@@ -209,9 +240,13 @@ def _folders(results: Path) -> list[Path]:
 
 
 def _summary(
-    folder: Path, sequences: Mapping[str, VideoSequence], year: int | None, notes: list[str]
+    folder: Path,
+    tracker: str,
+    sequences: Mapping[str, VideoSequence],
+    year: int | None,
+    notes: list[str],
 ) -> Summary:
-    tracker, config = parse_label(folder.name) or (folder.name, None)
+    _, config = parse_label(folder.name) or ("", None)
     supervised = _runs(folder, sequences, "baseline", notes)
     one_pass = _runs(folder, sequences, "unsupervised", notes)
     experiment: Experiment = "baseline" if supervised else "unsupervised"
