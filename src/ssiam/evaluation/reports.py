@@ -101,13 +101,13 @@ class Comparison:
         }
 
 
-def report(results: TrackerResults, interval: Interval) -> TrackerReport:
-    """Measure the supervised runs of a tracker.
+def report(results: TrackerResults, interval: Interval | None) -> TrackerReport:
+    """Measure the supervised runs of a tracker; without an interval there is no EAO.
 
     Raises
     ------
     ArgumentError
-        The dataset does not give the frame size.
+        The frame size is not known.
     """
     measured = [pysot.measure(each) for each in results.tracked]
     return TrackerReport(
@@ -174,9 +174,9 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
     return table
 
 
-def _short_notes(results: TrackerResults, interval: Interval) -> list[str]:
+def _short_notes(results: TrackerResults, interval: Interval | None) -> list[str]:
     longest = max(len(run) for each in results.tracked for run in each.runs)
-    if longest > interval.high:
+    if interval is None or longest > interval.high:
         return []
     return [
         f"{results.name}: EAO is defined over lengths {interval.low} to {interval.high}, and no "

@@ -59,7 +59,7 @@ def measure(tracked: TrackedSequence) -> MeasuredSequence:
     Raises
     ------
     ArgumentError
-        The dataset does not give the frame size.
+        The frame size is not known.
     """
     width, height = tracked.size_wh
     found = []
@@ -72,8 +72,10 @@ def measure(tracked: TrackedSequence) -> MeasuredSequence:
     return MeasuredSequence(tracked, tuple(found))
 
 
-def scores(sequences: Sequence[MeasuredSequence], interval: Interval, tag: str = ALL) -> Scores:
-    """A, R and EAO over a dataset, or over its frames with a given tag.
+def scores(
+    sequences: Sequence[MeasuredSequence], interval: Interval | None, tag: str = ALL
+) -> Scores:
+    """A, R and EAO over a dataset, or over its frames with a given tag; no EAO without interval.
 
     Accuracy is the mean over all frames of all sequences, robustness the number of lost targets
     per 100 frames. With a tag, both use only the frames that have it, and EAO weights each
@@ -95,7 +97,7 @@ def scores(sequences: Sequence[MeasuredSequence], interval: Interval, tag: str =
     return Scores(
         accuracy=mean_or_nan(np.concatenate(accuracies)),
         robustness=100 * lost / frames if frames else float("nan"),
-        eao=mean_or_nan(curve[interval.low - 1 : interval.high]),
+        eao=mean_or_nan(curve[interval.low - 1 : interval.high]) if interval else float("nan"),
         lost=lost,
         frames=frames,
     )

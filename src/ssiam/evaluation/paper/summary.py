@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from ssiam.datasets import Dataset, VideoSequence
+from ssiam.datasets.sequence import with_size
 from ssiam.errors import SsiamError, check_choice
 from ssiam.evaluation.measures import pysot
 from ssiam.evaluation.measures.eao import INTERVALS, Scores, known_year, mean_or_nan
@@ -317,11 +318,10 @@ def _with_size(sequence: VideoSequence, year: int | None, notes: list[str]) -> V
     if year is None or sequence.size_wh is not None:
         return sequence
     try:
-        height, width = next(sequence.images()).shape[:2]
+        return with_size(sequence)
     except SsiamError as error:
         notes.append(f"{error}; no A, R and EAO without the frame size")
         return sequence
-    return replace(sequence, size_wh=(width, height))
 
 
 def _listed(names: Sequence[str]) -> str:
