@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, Literal
 
 from cyclopts import App, Parameter
 
-from ssiam.errors import ArgumentError, WeightsError, check_choice
-from ssiam.outputs import NamedPath, check_distinct, output_error
-from ssiam.runtime import MODEL_ZOO
-from ssiam.runtime.files import cache_folder
-from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
+from ssiam.errors import ArgumentError, check_choice
+from ssiam.outputs import NamedPath, check_distinct
+from ssiam.runtime import MODEL_ZOO, PublishedWeights
+from ssiam.runtime.manifest import MANIFEST_FILE, Manifest
 from ssiam.trackers import registry
+from ssiam.trackers.weight_imports import import_weights
 from ssiam.video.source_files import check_distinct_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
@@ -39,11 +36,12 @@ def show(*, folder: Path | None = None) -> None:
     print("lite: included in the package")
     folders = registry.weights_folders() if folder is None else (folder,)
     for tracker, publication in MODEL_ZOO.items():
-        found = [each / publication.folder for each in folders]
-        local = next((_description(path) for path in found if path.is_dir()), "not available")
-        print(f"{tracker}: {local}")
+        found = registry.find_weights(publication, folders)
+        print(f"{tracker}: {'not available' if found is None else _description(found)}")
         print(f"  published: {publication.file} at {publication.source}")
         print(f"  size {publication.size}, license {publication.license}")
+        for line in _digests(publication, found):
+            print(f"  {line}")
 
 
 @weights.command(name="import")
@@ -53,41 +51,29 @@ def import_(
     *,
     tracker: str | None = None,
     folder: Path | None = None,
+    replace: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
-    """Import an authors' .pth file: identify it, check it, and store it for the trackers.
+    """Import weights as their authors publish them: identify, check and store them.
 
-    The file is copied and exported to ONNX, which every runtime accepts; PyTorch is needed only
-    for the import.
+    A .pth file is copied and exported to ONNX, which every runtime accepts; PyTorch is needed only
+    for the import. Other weights of the tracker are kept unless --replace is given.
 
     Parameters
     ----------
     file
-        The .pth file, or a folder written by ssiam weights export.
+        The .pth file, the authors' folder of it, the folder of NanoTrack's two .onnx files, or a
+        folder written by ssiam weights export.
     tracker
         The tracker, if several have the same network (siammask_...). By default the tracker named
-        like the network.
+        like the network, or like the file of SiamMask's authors.
     folder
         Folder to store them in. By default weights in the user's cache folder.
+    replace
+        Replace other weights of the tracker.
     """
-    network = _network_of(file)
-    name = network if tracker is None else tracker
-    if name not in MODEL_ZOO:
-        raise WeightsError(f"weights {file} are those of {network}, which no tracker uses")
-    if MODEL_ZOO[name].network != network:
-        raise WeightsError(
-            f"weights {file} are those of {network}, but {name} has {MODEL_ZOO[name].network}"
-        )
-    print(f"{file}: {network}")
-    target = (folder or cache_folder() / "weights") / MODEL_ZOO[name].folder
-    exported = find_export(file)
-    if exported is None:
-        _check_folder("--folder", target, [("the weights", file)])
-        _export(file, target, name, "f32", ())
-        _copy_files([file], target, f"{network}.pth")
-    else:
-        pieces = [exported / f"{piece}.onnx" for piece in Manifest.read(exported).pieces]
-        _copy_files([*pieces, exported / MANIFEST_FILE], target)
-    print(f"stored in {target}")
+    stored = import_weights(file, tracker, folder, replace=replace)
+    print(f"{file}: {stored.network}")
+    print(f"stored in {stored.folder} for {stored.tracker}")
 
 
 @weights.command(name="export")
@@ -134,21 +120,6 @@ def _export(
     export_network(file, target, name=name, network=network, precision=precision, images=pictures)
 
 
-def _network_of(file: Path) -> str:
-    """Name of the network in a checkpoint or an exported folder."""
-    folder = find_export(file)
-    if folder is not None:
-        return Manifest.read(folder).network
-    if file.suffix == ".onnx":
-        raise WeightsError(
-            f"weights {file} are ONNX without a {MANIFEST_FILE} beside them: they need no import, "
-            "give them to a tracker directly"
-        )
-    from ssiam.networks import read_checkpoint
-
-    return read_checkpoint(file).name
-
-
 def _read(pictures: str) -> list[Any]:
     """Frames of a source, spread over all of it if its length is known."""
     from ssiam.video import open_source
@@ -161,6 +132,18 @@ def _read(pictures: str) -> list[Any]:
     return found
 
 
+def _digests(publication: PublishedWeights, folder: Path | None) -> list[str]:
+    """Lines with the SHA-256 of the files: the authors', else that of the imported file."""
+    stated = [
+        f"{file.name}: {file.size} bytes, SHA-256 {file.sha256}"
+        for file in publication.files
+        if file.sha256 is not None
+    ]
+    if stated or folder is None or not (folder / MANIFEST_FILE).is_file():
+        return stated or ["SHA-256 not stated by the authors; that of the first import is kept"]
+    return [f"SHA-256 of the imported file {Manifest.read(folder).sha256}"]
+
+
 def _description(folder: Path) -> str:
     """Short description of a folder of weights."""
     kinds = [path.name for path in sorted(folder.glob("*.pth"))]
@@ -169,23 +152,6 @@ def _description(folder: Path) -> str:
     elif any(folder.glob("*.onnx")):
         kinds.append("ONNX")
     return f"{folder} ({', '.join(kinds) or 'empty'})"
-
-
-def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
-    """Copy files into a folder, replacing others only after all of them are complete."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
-            for file in files:
-                target = folder / (name or file.name)
-                if not (target.exists() and target.samefile(file)):
-                    shutil.copyfile(file, Path(temporary, target.name))
-            for staged in sorted(
-                Path(temporary).iterdir(), key=lambda path: path.name == MANIFEST_FILE
-            ):
-                staged.replace(folder / staged.name)
-    except OSError as error:
-        raise output_error(folder, error) from error
 
 
 def _check_folder(

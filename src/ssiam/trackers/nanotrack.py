@@ -92,7 +92,7 @@ class NanoTrackNetworks:
         WeightsError
             The files are missing, damaged, not quantized, or of another network.
         """
-        backbone, head = _onnx_pair(weights)
+        backbone, head = onnx_pair(weights)
 
         def compiled(
             path: Path, precision: Precision, shape: tuple[int, ...] | None = None
@@ -211,7 +211,7 @@ class NanoTrack(SiameseTracker[_Target]):
         self._target.state = TargetState.from_reported_xywh(xywh)
 
 
-def _onnx_pair(weights: Path) -> tuple[Path, Path]:
+def onnx_pair(weights: Path) -> tuple[Path, Path]:
     """The files of backbone and head in a folder, or in the folder of one of them."""
     folder = weights if weights.is_dir() else weights.parent
     if not weights.exists():

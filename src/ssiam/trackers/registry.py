@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
 
@@ -170,9 +171,18 @@ def weights_path(name: str, weights: Path | None = None) -> Path | None:
 
 
 def imported_weights(publication: PublishedWeights) -> Path | None:
-    """The folder of weights that were imported, in one of `weights_folders`; None without any."""
-    folders = [folder / publication.folder for folder in weights_folders()]
-    return next((folder for folder in folders if folder.is_dir()), None)
+    """The folder of weights that were imported, in one of `weights_folders`; None without any.
+
+    A folder may also have the name that it has in the authors' repository.
+    """
+    return find_weights(publication, weights_folders())
+
+
+def find_weights(publication: PublishedWeights, folders: Iterable[Path]) -> Path | None:
+    """The first folder of a publication's weights in some folders; None without any."""
+    names = (publication.folder, *publication.authors_folders)
+    found = (folder / name for folder in folders for name in names)
+    return next((path for path in found if path.is_dir()), None)
 
 
 def weights_folders() -> tuple[Path, ...]:
