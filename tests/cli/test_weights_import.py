@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
 from ssiam.runtime import MODEL_ZOO
 from ssiam.runtime.files import sha256
@@ -15,7 +16,8 @@ pytest.importorskip("onnx")
 from helpers.network_files import save_checkpoint, seeded_state
 from helpers.network_models import checkpoint, exported
 
-ALEX, MASK, THEIRS = "siamrpn_alex_dwxcorr", "siammask_r50_l3", "foolwood_siammask_sharp"
+ALEX, THEIRS = "siamrpn_alex_dwxcorr", "foolwood_siammask_sharp"
+HOW = ("off", "paper")  # methods of Table 4
 
 
 @pytest.fixture(autouse=True)
@@ -111,3 +113,15 @@ def test_a_folder_without_one_checkpoint_is_refused(tmp_path, capsys):
     assert "holds 0 .pth files" in capsys.readouterr().err
     assert import_(checkpoint(ALEX), "--tracker", "csrt") == 2
     assert "unknown tracker with weights 'csrt'" in capsys.readouterr().err
+
+
+def test_presets_run_imported_weights(tmp_path, capsys):
+    data = write_dataset(tmp_path / "data", sequences=1, frames=3)
+    assert import_(checkpoint("siamfc")) == 0
+    bench = ["bench", str(data), "--out", str(tmp_path / "runs"), "--preset", "table4"]
+    assert main(bench) == 0
+    names = {path.name for path in (tmp_path / "runs").iterdir()}
+    assert names == {f"{name}-{how}" for name in ("csrt", "kcf", "siamfc") for how in HOW}
+    lines = capsys.readouterr().out.splitlines()
+    assert not any(line.startswith("missing: SiamFC") for line in lines)
+    assert sum(line.startswith("missing: Siam") for line in lines) == 2

@@ -75,7 +75,8 @@ def bench(
     out
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
-        Comma-separated names; with --preset, by default those whose weights are available.
+        Comma-separated names; with --preset, by default csrt, kcf, those in --weights, and the
+        paper's whose weights are imported.
     stabilize
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
