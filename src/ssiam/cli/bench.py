@@ -153,6 +153,7 @@ class _Scoreboard:
         self._total = Counter(_row_key(task.label, task.shake) for task in planned)
         self._done: dict[_RowKey, list[TaskResult]] = {key: [] for key in self._total}
         self._has_shake = any(task.shake is not None for task in planned)
+        self._restarts = any(task.protocol != "ope" for task in planned)
         console = Console(file=sys.stderr)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._is_live = console.is_terminal
@@ -196,21 +197,22 @@ class _Scoreboard:
         return self._table_with_shake() if self._has_shake else self._table_without_shake()
 
     def _table_without_shake(self) -> Table:
-        table = Table("tracker", "sequences", "lost", "overlap", "frames per second")
+        lost = ["lost"] if self._restarts else []
+        table = Table("tracker", "sequences", *lost, "overlap", "frames per second")
         for (label, strength), runs in self._done.items():
             found = _Totals(runs)
             table.add_row(
                 label,
                 f"{found.runs} of {self._total[label, strength]}",
-                str(found.lost),
+                *([str(found.lost)] if self._restarts else []),
                 found.overlap,
                 f"{1 / found.seconds:.0f}" if found.seconds else "",
             )
         return table
 
     def _table_with_shake(self) -> Table:
-        headings = ("shake", "runs", "frames", "lost", "overlap", "ms per frame")
-        table = Table("tracker", *headings)
+        lost = ["lost"] if self._restarts else []
+        table = Table("tracker", "shake", "runs", "frames", *lost, "overlap", "ms per frame")
         for (label, strength), runs in self._done.items():
             found = _Totals(runs)
             table.add_row(
@@ -218,7 +220,7 @@ class _Scoreboard:
                 f"{100 * strength:g} %",
                 f"{found.runs} of {self._total[label, strength]}",
                 str(found.frames),
-                str(found.lost),
+                *([str(found.lost)] if self._restarts else []),
                 found.overlap,
                 f"{1000 * found.seconds:.1f}" if found.seconds else "",
             )

@@ -75,7 +75,8 @@ def evaluate(
         measures of OTB, LaSOT and GOT-10k. One-pass results are files SEQUENCE.txt (1-based
         boxes), or use the layout of GOT-10k or VOT.
     compare
-        Compare each of several trackers with the first, sequence by sequence.
+        Compare each tracker's stabilized runs with its runs without stabilization, and other
+        results with the first, sequence by sequence.
     json_output
         Print JSON instead of tables.
     """
