@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
+from urllib.parse import urlsplit
 
 from cyclopts import App, Parameter
 
-from ssiam.errors import ArgumentError, check_choice
-from ssiam.outputs import NamedPath, check_distinct
+from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.outputs import NamedPath, check_distinct, make_folder
 from ssiam.runtime import MODEL_ZOO, PublishedWeights
+from ssiam.runtime.download import download
+from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest
+from ssiam.runtime.model_zoo import PublishedFile
 from ssiam.trackers import registry
 from ssiam.trackers.weight_imports import import_weights
 from ssiam.video.source_files import check_distinct_from_source
@@ -19,14 +24,14 @@ from ssiam.video.source_files import check_distinct_from_source
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
 _CALIBRATION_IMAGES: Final = 64  # read for calibration, evenly spaced
 
-weights = App(name="weights", help="List, import and export the weights of the networks.")
+weights = App(name="weights", help="List, download, import and export the weights of the networks.")
 
 
 @weights.command(name="list")
 def show(*, folder: Path | None = None) -> None:
     """List the trackers' weights: which are available, and where their authors publish them.
 
-    Nothing is downloaded.
+    Nothing is downloaded; see ssiam weights get.
 
     Parameters
     ----------
@@ -42,6 +47,66 @@ def show(*, folder: Path | None = None) -> None:
         print(f"  size {publication.size}, license {publication.license}")
         for line in _digests(publication, found):
             print(f"  {line}")
+
+
+@weights.command(name="get")
+def get(name: str, /, *, folder: Path | None = None) -> None:
+    """Download weights that their authors publish at a direct address, and import them.
+
+    An interrupted download continues where it stopped. Size and SHA-256 are checked where the
+    authors state them. Proxies are those of the environment (https_proxy). Nothing in the files is
+    run.
+
+    Parameters
+    ----------
+    name
+        The tracker: nanotrack_..., siammask_..., siamfc (needs gdown, for Google Drive).
+    folder
+        Folder to store them in. By default weights in the user's cache folder.
+    """
+    published = MODEL_ZOO[check_choice("tracker with weights", name, tuple(MODEL_ZOO))]
+    if not published.files:
+        raise WeightsError(
+            f"{name}: its authors publish {published.file} without a direct address, at "
+            f"{published.source}; get it there, then: ssiam weights import {published.file} "
+            f"--tracker {name}"
+        )
+    store = folder or cache_folder() / "weights"
+    found = registry.find_weights(published, [store])
+    if found is not None:
+        print(f"{name}: {_description(found)}, nothing to do")
+        return
+    arrived = cache_folder() / "downloads" / name
+    for file in published.files:
+        if not (arrived / file.name).is_file():
+            _download(file, arrived)
+        print(f"{file.address}: {(arrived / file.name).stat().st_size} bytes")
+    source = arrived if len(published.files) > 1 else arrived / published.files[0].name
+    try:
+        stored = import_weights(source, name, folder)
+    except WeightsError:
+        shutil.rmtree(arrived, ignore_errors=True)  # so that the next call downloads it again
+        raise
+    shutil.rmtree(arrived, ignore_errors=True)
+    print(f"stored in {stored.folder} for {name}, license {published.license}")
+
+
+def _download(file: PublishedFile, folder: Path) -> None:
+    if urlsplit(file.address).hostname != "drive.google.com":
+        download(file, folder)
+        return
+    try:
+        import gdown
+    except ImportError:
+        raise WeightsError(
+            f"{file.name} is at {file.address} (Google Drive): pip install gdown, or get it there "
+            "and give it to ssiam weights import"
+        ) from None
+    make_folder(folder)
+    part = folder / f"{file.name}.part"
+    if gdown.download(file.address, str(part), quiet=True, resume=True) is None:
+        raise WeightsError(f"{file.address}: gdown brought no file; get {file.name} there")
+    part.replace(folder / file.name)
 
 
 @weights.command(name="import")

@@ -74,6 +74,7 @@ _SIAMTRACKERS: Final = (
     "https://raw.githubusercontent.com/HonglinChu/SiamTrackers/"
     "248663fde6bf7c40190cf10ee396d5662919ecd3"
 )
+_SIAMFC_DRIVE: Final = "https://drive.google.com/uc?id=1UdxuBQ1qtisoWYFZxLgMFJ9mJtGVw6n4"
 _SIAMFC: Final = (
     "github.com/huanglianghua/siamfc-pytorch (Google Drive 1UdxuBQ1qtisoWYFZxLgMFJ9mJtGVw6n4)"
 )
@@ -145,7 +146,8 @@ MODEL_ZOO: Final[dict[str, PublishedWeights]] = {
         ),
     ),
     "siamfc": PublishedWeights(
-        "siamfc", _SIAMFC, "siamfc_alexnet_e50.pth", "MIT", "siamfc", "about 9.4 MB"
+        *("siamfc", _SIAMFC, "siamfc_alexnet_e50.pth", "MIT", "siamfc", "about 9.4 MB"),
+        (PublishedFile("siamfc_alexnet_e50.pth", _SIAMFC_DRIVE),),
     ),
     "siamrpn_alex_dwxcorr": _pysot("siamrpn_alex_dwxcorr"),
     "siamrpn_mobilev2_l234_dwxcorr": _pysot("siamrpn_mobilev2_l234_dwxcorr"),
