@@ -84,4 +84,12 @@ def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
     for name in known:
         if name == value:
             return name
+    same = [name for name in known if spelling(name) == spelling(value)]
+    if same:
+        raise ArgumentError(f"unknown {kind} {value!r}: did you mean {' or '.join(same)}?")
     raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")
+
+
+def spelling(name: str) -> str:
+    """A name without case and punctuation, to find names that differ only in these."""
+    return "".join(letter for letter in name.casefold() if letter.isalnum())

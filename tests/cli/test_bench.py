@@ -23,6 +23,16 @@ def test_table_lists_every_tracker(dataset, tmp_path, capsys):
     assert (tmp_path / "kcf-off" / "baseline" / "clip0" / "clip0_001.txt").is_file()
 
 
+@pytest.mark.parametrize("shake", ["0", "0.01"])
+def test_one_pass_runs_have_no_lost_targets(dataset, tmp_path, capsys, shake):
+    arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]
+    arguments += ["--stabilize", "off", "--shake", shake]
+    assert main([*arguments, "--protocol", "ope"]) == 0
+    assert "lost" not in capsys.readouterr().out
+    assert main(arguments) == 0
+    assert "lost" in capsys.readouterr().out
+
+
 def test_preset_lists_missing_entries_and_runs_the_others(dataset, tmp_path, capsys):
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--preset", "table2"]
     assert main([*arguments, "--trackers", "kcf"]) == 0
@@ -134,7 +144,15 @@ WRONG = {
     "no dataset": (["--out", "x"], "no dataset"),
     "no such folder": (["missing", "--out", "x"], "missing"),
     "weights without a name": (["DATA", "--out", "x", "--weights", "here"], "--weights 'here'"),
+    "weights of no tracker": (
+        ["DATA", "--out", "x", "--weights", "SiamFC=here"],
+        "did you mean siamfc?",
+    ),
     "unknown tracker": (["DATA", "--out", "x", "--trackers", "magic"], "unknown tracker 'magic'"),
+    "another spelling": (
+        ["DATA", "--out", "x", "--trackers", "NanoTrack-V3"],
+        "did you mean nanotrack_v3?",
+    ),
     "unknown method": (["DATA", "--out", "x", "--stabilize", "on"], "unknown stabilize 'on'"),
     "unknown preset": (["DATA", "--out", "x", "--preset", "table9"], "unknown preset 'table9'"),
     "no jobs": (["DATA", "--out", "x", "--jobs", "0"], "--jobs 0"),

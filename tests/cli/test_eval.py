@@ -41,6 +41,21 @@ def test_json_of_several_trackers_and_their_comparison(vot2018, tmp_path, capsys
     assert difference["accuracy"]["share_below_zero"] == 1
 
 
+def test_stabilized_runs_are_compared_with_the_tracker_alone(vot2018, tmp_path, capsys):
+    both = "kcf-off", "kcf-paper-threads=2", "kcf-off-threads=2", "lite-off", "lite-predict"
+    for name in (*both, "lite-paper-window=9", "theirs"):
+        results(tmp_path / "all" / name, lost=("bag",) if "-off" in name else ())
+    assert run(tmp_path / "all", "--dataset", vot2018, "--json", "--compare") == 0
+    found = json.loads(capsys.readouterr().out)["comparison"]
+    assert {name: each["reference"] for name, each in found.items()} == {
+        "kcf-paper-threads=2": "kcf-off-threads=2",
+        "lite-predict": "lite-off",
+        "lite-paper-window=9": "lite-off",
+        "theirs": "kcf-off",
+    }
+    assert all(each["lost"]["value"] == -1 for each in found.values())
+
+
 def test_tables(vot2018, tmp_path, capsys):
     results(tmp_path / "all" / "a", lost=("bag",))
     results(tmp_path / "all" / "b[red]", shift=3)
@@ -128,3 +143,10 @@ def test_damaged_tracker_is_omitted_and_others_are_measured(vot2018, tmp_path, c
         (tmp_path / "all" / name / "baseline" / "bag" / "bag_001.txt").write_text("nonsense\n")
     assert run(tmp_path / "all", "--dataset", vot2018) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_sequence_under_another_spelling_is_named(vot2018, tmp_path, capsys):
+    folder = results(tmp_path / "t", lost=("bag",))
+    (folder / "baseline" / "bag").rename(folder / "baseline" / "Bag_")
+    assert run(folder, "--dataset", vot2018, "--json") == 0
+    assert "sequence bag; it is left out (is Bag_ meant?" in capsys.readouterr().err

@@ -33,7 +33,6 @@ REFUSED = [
     ("no start", ("no_start", "--dataset", "VOT2018.json"), "more failures (2) than starts"),
     ("no dataset", ("good",), "--dataset"),
     ("missing dataset", ("good", "--dataset", "missing.json"), "missing.json"),
-    ("no year", ("good", "--dataset", "copy.json"), "give --year"),
     ("unknown year", ("good", "--dataset", "copy.json", "--year", "2030"), "VOT2030"),
     ("no size", ("good", "--dataset", "VOT2017.json"), "sequence bag"),
     ("compare one", ("good", "--dataset", "VOT2018.json", "--compare"), "--compare needs"),

@@ -31,6 +31,20 @@ def test_sections_and_next_commands(sequences, tmp_path, capsys):
     assert f"vot analysis --name all {' '.join(labels)}\n" in output
 
 
+def test_sequences_that_are_left_out_are_named(sequences, tmp_path, capsys):
+    (sequences / "bag").mkdir()
+    arguments = ["--stabilize", "off", "--force", "--sequences", str(sequences)]
+    assert main(["vot-workspace", str(tmp_path / "ws"), *arguments]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "bag: left out, has no groundtruth.txt"
+    assert lines[1].endswith("sequences: 1")
+    (sequences / "bag" / "groundtruth.txt").write_text("1,2,3,4\n" * 90)
+    (sequences / "list.txt").write_text("bag\n")
+    assert main(["vot-workspace", str(tmp_path / "ws"), *arguments]) == 0
+    line = capsys.readouterr().out.splitlines()[0]
+    assert line == f"ants: left out, not in {sequences / 'list.txt'}"
+
+
 def test_weights_option(sequences, shared, tmp_path):
     weights = shared("data/weights/nanotrackv3")
     arguments = ["--trackers", "nanotrack_v3", "--stabilize", "off", "--sequences", str(sequences)]

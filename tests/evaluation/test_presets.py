@@ -11,9 +11,18 @@ from ssiam.evaluation.paper.presets import PRESETS, preset
 from ssiam.evaluation.paper.summary import parse_label
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.motion import KEYPOINTS
+from ssiam.runtime import MODEL_ZOO
 from ssiam.stabilize import METHODS, StabilizerConfig
 
 PAPER = StabilizerConfig("paper")
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path, monkeypatch):
+    """An empty folder of imported weights."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "cache" / "ssiam" / "weights"
 
 
 @pytest.mark.parametrize(
@@ -53,6 +62,27 @@ def test_default_trackers_need_no_weights_or_have_them(name):
     entries = preset(name, None, weights).entries
     assert {each.tracker for each in entries} == {"csrt", "kcf", "nanotrack_v2"}
     assert all(each.weights == weights.get(each.tracker) for each in entries)
+
+
+def test_imported_weights_are_used(store):
+    (store / "siamfc").mkdir(parents=True)
+    found = preset("table1", None, {})
+    assert [each.label for each in found.entries if each.tracker == "siamfc"] == [
+        "siamfc-off",
+        "siamfc-paper",
+    ]
+    assert [line.split(":")[0] for line in found.missing] == ["SiamRPN++", "SiamMask_E"]
+    (line,) = preset("table1", ["siammask_e", "siamrpn_r50_l234_dwxcorr"], {}).missing
+    assert line == "SiamFC: its weights are here; add siamfc to --trackers"
+
+
+def test_missing_weights_come_with_their_command():
+    lines = preset("table1", None, {}).missing
+    for line, name in zip(lines, ("siamfc", "siamrpn_r50_l234_dwxcorr", "siammask_e"), strict=True):
+        file, source = MODEL_ZOO[name].file, MODEL_ZOO[name].source
+        assert line.endswith(
+            f"get {file} at {source}, then: ssiam weights import {file} --tracker {name}"
+        )
 
 
 def test_one_line_for_each_missing_tracker_and_dataset():

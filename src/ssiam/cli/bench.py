@@ -14,13 +14,20 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from ssiam.cli.options import check_results_folder, parse_shakes, parse_weights, split_words
+from ssiam.cli.options import (
+    RUNTIME_GROUP,
+    check_results_folder,
+    parse_shakes,
+    parse_weights,
+    split_words,
+)
 from ssiam.datasets import Shake, ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, check_choice
 from ssiam.evaluation.paper.presets import PRESETS, preset
 from ssiam.evaluation.runs.bench import Task, TaskResult, run_all, tasks
 from ssiam.evaluation.runs.entries import entries
 from ssiam.evaluation.runs.protocols import ProtocolName
+from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.stabilize import METHODS
 
 _RUNS_GROUP = Group("Runs", sort_key=1)
@@ -48,13 +55,17 @@ def bench(
     shake_readout: Annotated[float, Parameter(group=_SHAKE_GROUP)] = 0.0,
     shake_border: Annotated[ShakeBorder, Parameter(group=_SHAKE_GROUP)] = "reflect",
     jobs: Annotated[int, Parameter(group=_EXECUTION_GROUP)] = 1,
-    threads: Annotated[int, Parameter(group=_EXECUTION_GROUP)] = 1,
     cluster: Annotated[str | None, Parameter(group=_EXECUTION_GROUP)] = None,
+    runtime: Annotated[RuntimeName, Parameter(group=RUNTIME_GROUP)] = "openvino",
+    device: Annotated[DeviceName | None, Parameter(group=RUNTIME_GROUP)] = None,
+    precision: Annotated[Precision, Parameter(group=RUNTIME_GROUP)] = "f32",
+    threads: Annotated[int, Parameter(group=RUNTIME_GROUP)] = 1,
 ) -> None:
     """Run trackers over datasets, each with and without stabilization.
 
     Finished runs are not repeated: after an interruption, start the same command again to
-    continue.
+    continue. Runs with other weights, or with another runtime, device, precision or number of
+    threads, are other runs, with results of their own.
 
     Parameters
     ----------
@@ -64,8 +75,8 @@ def bench(
     out
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
-        Comma-separated names of trackers. By default csrt; with --preset, csrt, kcf and the
-        trackers of --weights.
+        Comma-separated names of trackers. By default csrt; with --preset, csrt, kcf, the trackers
+        of --weights, and the paper's whose weights are imported.
     stabilize
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
@@ -92,13 +103,21 @@ def bench(
         image, which stays inside.
     jobs
         Number of parallel runs, each in its own process.
-    threads
-        CPU threads per run.
     cluster
         Address of a Dask scheduler to run on instead, such as tcp://10.0.0.1:8786.
+    runtime
+        Library that runs the networks. It, device and precision do not change trackers without
+        networks.
+    device
+        Device that runs the networks, by default the CPU.
+    precision
+        Precision of the networks' arithmetic.
+    threads
+        CPU threads per run.
     """
     if jobs < 1 or threads < 1:
         raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be at least 1")
+    options = RuntimeOptions(runtime, threads, precision, device)
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
     paths = parse_weights(weights or [])
@@ -109,17 +128,17 @@ def bench(
     names = None if trackers is None else split_words(trackers)
     if preset_name is not None:
         opened = [open_dataset(path).name for path in dataset]
-        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, opened)
+        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, opened, options)
         competitors = chosen.entries
         for line in chosen.missing:
             print(f"missing: {line}")
     else:
         methods = [check_choice("stabilize", word, METHODS) for word in split_words(stabilize)]
-        competitors = entries(names or ["csrt"], methods, paths)
+        competitors = entries(names or ["csrt"], methods, paths, options)
     planned = [
         task
         for path in dataset
-        for task in tasks(competitors, open_dataset(path), path, out, protocol, threads, shakes)
+        for task in tasks(competitors, open_dataset(path), path, out, protocol, shakes)
     ]
     with _Scoreboard(planned) as board:
         for done in run_all(planned, jobs, cluster):
@@ -131,9 +150,10 @@ class _Scoreboard:
     """A table with one row per tracker and strength of shake, live on standard error."""
 
     def __init__(self, planned: Sequence[Task]) -> None:
-        self._total = Counter(_row_key(task.entry.label, task.shake) for task in planned)
+        self._total = Counter(_row_key(task.label, task.shake) for task in planned)
         self._done: dict[_RowKey, list[TaskResult]] = {key: [] for key in self._total}
         self._has_shake = any(task.shake is not None for task in planned)
+        self._restarts = any(task.protocol != "ope" for task in planned)
         console = Console(file=sys.stderr)
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._is_live = console.is_terminal
@@ -177,21 +197,22 @@ class _Scoreboard:
         return self._table_with_shake() if self._has_shake else self._table_without_shake()
 
     def _table_without_shake(self) -> Table:
-        table = Table("tracker", "sequences", "lost", "overlap", "frames per second")
+        lost = ["lost"] if self._restarts else []
+        table = Table("tracker", "sequences", *lost, "overlap", "frames per second")
         for (label, strength), runs in self._done.items():
             found = _Totals(runs)
             table.add_row(
                 label,
                 f"{found.runs} of {self._total[label, strength]}",
-                str(found.lost),
+                *([str(found.lost)] if self._restarts else []),
                 found.overlap,
                 f"{1 / found.seconds_per_frame:.0f}" if found.seconds_per_frame else "",
             )
         return table
 
     def _table_with_shake(self) -> Table:
-        headings = ("shake", "runs", "frames", "lost", "overlap", "ms per frame")
-        table = Table("tracker", *headings)
+        lost = ["lost"] if self._restarts else []
+        table = Table("tracker", "shake", "runs", "frames", *lost, "overlap", "ms per frame")
         for (label, strength), runs in self._done.items():
             found = _Totals(runs)
             table.add_row(
@@ -199,7 +220,7 @@ class _Scoreboard:
                 f"{100 * strength:g} %",
                 f"{found.runs} of {self._total[label, strength]}",
                 str(found.frames),
-                str(found.lost),
+                *([str(found.lost)] if self._restarts else []),
                 found.overlap,
                 f"{1000 * found.seconds_per_frame:.1f}" if found.seconds_per_frame else "",
             )

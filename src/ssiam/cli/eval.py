@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -12,8 +12,9 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from ssiam.datasets import VideoSequence, open_dataset
+from ssiam.datasets.sequence import with_size
 from ssiam.errors import ArgumentError, IncompleteError, SsiamError, one_line
-from ssiam.evaluation.measures.eao import interval_of
+from ssiam.evaluation.measures.eao import INTERVALS, interval_of
 from ssiam.evaluation.reports import (
     Comparison,
     TrackerReport,
@@ -26,7 +27,13 @@ from ssiam.evaluation.reports import (
     scores_table,
     tags_table,
 )
-from ssiam.evaluation.runs.result_files import ResultsError, read_results
+from ssiam.evaluation.runs.result_files import (
+    Experiment,
+    ResultsError,
+    read_results,
+    repetitions,
+    vot_path,
+)
 from ssiam.evaluation.runs.shaken_results import shaken_as
 
 Measured = TypeVar("Measured")
@@ -60,16 +67,17 @@ def evaluate(
         shake is applied to the ground truth.
     dataset
         The dataset: a folder, or pysot's .json file. Images are not needed, except for the first
-        of each sequence if the results are shaken and the dataset does not give the frame size.
+        of each sequence if the dataset does not give the frame size.
     year
         Year of VOT, which sets the sequence lengths over which EAO is averaged; by default the one
-        in the dataset's name.
+        in the dataset's name. Without either, there is no EAO.
     experiment
         Kind of runs: baseline or realtime (supervised, as in VOT), or ope (one pass), with the
         measures of OTB, LaSOT and GOT-10k. One-pass results are files SEQUENCE.txt (1-based
         boxes), or use the layout of GOT-10k or VOT.
     compare
-        Compare each of several trackers with the first, sequence by sequence.
+        Compare each tracker's stabilized runs with its runs without stabilization, and other
+        results with the first, sequence by sequence.
     json_output
         Print JSON instead of tables.
     """
@@ -85,10 +93,12 @@ def evaluate(
     interval = interval_of(truth.name, year)
     if compare and len(folders) == 1:
         raise ArgumentError(f"{results}: --compare needs the results of several trackers")
-    sequences = list(truth.sequences.values())
+    sequences = _with_sizes(truth.sequences.values(), folders, experiment)
     reports, omitted = _measure_all(
         folders, lambda folder: report(read_results(folder, sequences, experiment), interval)
     )
+    if interval is None:
+        _warn([_no_eao(truth.name)])
     for each in reports:
         _warn(each.notes)
     comparisons = compared(reports) if compare and len(reports) > 1 else []
@@ -97,6 +107,38 @@ def evaluate(
     else:
         _print_tables(reports, comparisons)
     _check_complete(omitted, len(folders))
+
+
+def _no_eao(dataset: str) -> str:
+    """Why there is no EAO."""
+    years = ", ".join(map(str, INTERVALS))
+    return (
+        f"{dataset}: no EAO, which averages over the sequence lengths of a year of VOT ({years}) "
+        "and the name contains none of them; give --year to use one of these"
+    )
+
+
+def _with_sizes(
+    sequences: Iterable[VideoSequence], folders: Sequence[Path], experiment: Experiment
+) -> list[VideoSequence]:
+    """The sequences, those with results with their frame size, which bounds the overlap."""
+
+    def has_results(name: str) -> bool:
+        paths = (vot_path(folder, name, experiment=experiment) for folder in folders)
+        return any(repetitions(path) for path in paths)
+
+    found = []
+    for each in sequences:
+        if each.size_wh is None and has_results(each.name):
+            try:
+                each = with_size(each)
+            except SsiamError as error:
+                raise ArgumentError(
+                    f"sequence {each.name}: the size of its frames, which bounds the overlap, is "
+                    f"not in the dataset and cannot be read from the first image ({error})"
+                ) from error
+        found.append(each)
+    return found
 
 
 def _one_pass(results: Path, sequences: Sequence[VideoSequence], json_output: bool) -> None:

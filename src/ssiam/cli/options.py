@@ -17,7 +17,7 @@ from ssiam.errors import ArgumentError, check_choice
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.runtime import DeviceName, Precision, RuntimeName
 from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
-from ssiam.trackers import DEFAULT_TRACKER, StabilizedTracker, TrackerName, load_tracker
+from ssiam.trackers import DEFAULT_TRACKER, TRACKERS, StabilizedTracker, TrackerName, load_tracker
 
 TARGET_GROUP = Group("Target", sort_key=1)
 RUNTIME_GROUP = Group("Runtime", sort_key=9)
@@ -109,8 +109,8 @@ def parse_levels(text: str | None) -> tuple[float, float] | None:
 
 
 def parse_weights(pairs: Iterable[str]) -> dict[str, Path]:
-    """Paths by tracker name, from ``NAME=PATH``; `ArgumentError` for another form."""
-    paths = {}
+    """Paths by tracker name, from ``NAME=PATH``; `ArgumentError` for another form or name."""
+    paths: dict[str, Path] = {}
     for pair in pairs:
         name, _, path = pair.partition("=")
         if not (name and path):
@@ -118,7 +118,7 @@ def parse_weights(pairs: Iterable[str]) -> dict[str, Path]:
                 f"--weights {pair!r}: give the tracker and its path, such as "
                 "nanotrack_v3=weights/nanotrackv3"
             )
-        paths[name] = Path(path)
+        paths[check_choice("tracker", name, TRACKERS)] = Path(path)
     return paths
 
 

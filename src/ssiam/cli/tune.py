@@ -8,11 +8,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ssiam.cli.options import check_results_folder, parse_weights, split_words
+from ssiam.cli.options import RUNTIME_GROUP, check_results_folder, parse_weights, split_words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation import parameters
+from ssiam.evaluation.runs.entries import changed_runtime, options_for
 from ssiam.evaluation.tuning import FinishedTrial, Search
 from ssiam.evaluation.tuning import tune as tried_configs
+from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.trackers import TRACKERS
 
 
@@ -27,6 +29,10 @@ def tune(
     weights: Annotated[list[str] | None, Parameter(negative=())] = None,
     parameter: Annotated[list[str] | None, Parameter(negative=())] = None,
     seed: int = 0,
+    runtime: Annotated[RuntimeName, Parameter(group=RUNTIME_GROUP)] = "openvino",
+    device: Annotated[DeviceName | None, Parameter(group=RUNTIME_GROUP)] = None,
+    precision: Annotated[Precision, Parameter(group=RUNTIME_GROUP)] = "f32",
+    threads: Annotated[int, Parameter(group=RUNTIME_GROUP)] = 1,
 ) -> None:
     """Search for the stabilization parameters that lose the fewest targets.
 
@@ -56,9 +62,19 @@ def tune(
         themselves, thy1 and thy2 are half of thx1 and thx2.
     seed
         Random seed of the search.
+    runtime
+        Library that runs the networks. A search continues only with the same runtime, device,
+        precision, threads and weights.
+    device
+        Device that runs the networks, by default the CPU.
+    precision
+        Precision of the networks' arithmetic.
+    threads
+        CPU threads per run.
     """
     if trials < 1 or jobs < 1:
         raise ArgumentError(f"--trials {trials} --jobs {jobs}: both must be at least 1")
+    options = RuntimeOptions(runtime, threads, precision, device)
     names = tuple(check_choice("tracker", word, TRACKERS) for word in split_words(trackers))
     if not names:
         raise ArgumentError(f"--trackers {trackers!r}: give at least one name")
@@ -71,7 +87,7 @@ def tune(
             raise ArgumentError(f"--parameter {name} is given twice: give each name once")
     paths = parse_weights(weights or [])
     check_results_folder(out, [dataset], paths.values())
-    search = Search(dataset, names, search_space, out, paths, seed)
+    search = Search(dataset, names, search_space, out, paths, seed, options)
     best: FinishedTrial | None = None
     for tried in tried_configs(search, trials, jobs):
         best = tried if best is None or tried.cost < best.cost else best
@@ -90,4 +106,8 @@ def _print_best(best: FinishedTrial, search: Search) -> None:
     for name in search.trackers:
         weights = f" --weights {search.weights[name]}" if name in search.weights else ""
         flags = parameters.track_flags(best.config)
-        print(f"  ssiam track SOURCE --box X,Y,W,H --tracker {name}{weights} {flags}")
+        runtime = "".join(
+            f" --{option} {value}"
+            for option, value in changed_runtime(options_for(name, search.options)).items()
+        )
+        print(f"  ssiam track SOURCE --box X,Y,W,H --tracker {name}{weights} {flags}{runtime}")

@@ -13,7 +13,7 @@ from ssiam.cli.options import parse_weights, split_words
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.evaluation.runs.entries import Entry, entries
 from ssiam.evaluation.vot.trax import check_trax
-from ssiam.evaluation.vot.workspace import write_workspace
+from ssiam.evaluation.vot.workspace import left_out, write_workspace
 from ssiam.stabilize import METHODS
 
 # Versions that work together; later ones fail on supervised experiments.
@@ -56,7 +56,10 @@ def vot_workspace(
     """
     check_trax()
     competitors = _entries(split_words(trackers), split_words(stabilize), weights or [])
+    omitted = left_out(folder, sequences)
     count = write_workspace(folder, competitors, stack=stack, sequences=sequences, force=force)
+    for line in omitted:
+        print(line)
     _print_next_steps(folder, [entry.label for entry in competitors], count)
 
 
@@ -68,7 +71,7 @@ def _entries(trackers: list[str], methods: list[str], pairs: list[str]) -> list[
     chosen = [check_choice("stabilize", word, METHODS) for word in methods]
     competitors = entries(trackers, chosen, weights)
     for entry in competitors:
-        entry.load(threads=1)
+        entry.load()
     return competitors
 
 

@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Final, Literal
+from urllib.parse import urlsplit
 
 from cyclopts import App, Parameter
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
 from ssiam.geometry import Image
-from ssiam.outputs import NamedPath, check_distinct, output_error
-from ssiam.runtime import MODEL_ZOO
+from ssiam.outputs import NamedPath, check_distinct, make_folder
+from ssiam.runtime import MODEL_ZOO, PublishedWeights
+from ssiam.runtime.download import download
 from ssiam.runtime.files import cache_folder
-from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
+from ssiam.runtime.manifest import MANIFEST_FILE, Manifest
+from ssiam.runtime.model_zoo import PublishedFile
 from ssiam.trackers import registry
+from ssiam.trackers.weight_imports import import_weights
 from ssiam.video.source_files import check_distinct_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
 _CALIBRATION_IMAGES: Final = 64  # read for calibration, evenly spaced
 
-weights = App(name="weights", help="List, import and export the weights of the trackers.")
+weights = App(name="weights", help="List, download, import and export the weights of the trackers.")
 
 
 @weights.command(name="list")
 def show(*, folder: Path | None = None) -> None:
     """List the trackers' weights: which are available, and where their authors publish them.
 
-    Nothing is downloaded.
+    Nothing is downloaded; see ssiam weights get.
 
     Parameters
     ----------
@@ -40,11 +43,72 @@ def show(*, folder: Path | None = None) -> None:
     print("lite: included in the package")
     folders = registry.weights_folders() if folder is None else (folder,)
     for tracker, publication in MODEL_ZOO.items():
-        found = [each / publication.folder for each in folders]
-        local = next((_description(path) for path in found if path.is_dir()), "not available")
-        print(f"{tracker}: {local}")
+        found = registry.find_weights(publication, folders)
+        print(f"{tracker}: {'not available' if found is None else _description(found)}")
         print(f"  published: {publication.file} at {publication.source}")
         print(f"  size {publication.size}, license {publication.license}")
+        for line in _digests(publication, found):
+            print(f"  {line}")
+
+
+@weights.command(name="get")
+def get(name: str, /, *, folder: Path | None = None) -> None:
+    """Download weights that their authors publish at a direct address, and import them.
+
+    An interrupted download continues where it stopped. Size and SHA-256 are checked where the
+    authors state them. Proxies are those of the environment (https_proxy). Nothing in the files is
+    run.
+
+    Parameters
+    ----------
+    name
+        The tracker: nanotrack_..., siammask_..., siamfc (needs gdown, for Google Drive).
+    folder
+        Folder to store them in. By default the folder weights in the user's cache folder.
+    """
+    published = MODEL_ZOO[check_choice("tracker with weights", name, tuple(MODEL_ZOO))]
+    if not published.files:
+        raise WeightsError(
+            f"{name}: its authors publish {published.file} without a direct address, at "
+            f"{published.source}; get it there, then: ssiam weights import {published.file} "
+            f"--tracker {name}"
+        )
+    store = folder or cache_folder() / "weights"
+    found = registry.find_weights(published, [store])
+    if found is not None:
+        print(f"{name}: {_description(found)}, nothing to do")
+        return
+    arrived = cache_folder() / "downloads" / name
+    for file in published.files:
+        if not (arrived / file.name).is_file():
+            _download(file, arrived)
+        print(f"{file.address}: {(arrived / file.name).stat().st_size} bytes")
+    source = arrived if len(published.files) > 1 else arrived / published.files[0].name
+    try:
+        stored = import_weights(source, name, folder)
+    except WeightsError:
+        shutil.rmtree(arrived, ignore_errors=True)  # so that the next call downloads it again
+        raise
+    shutil.rmtree(arrived, ignore_errors=True)
+    print(f"stored in {stored.folder} for {name}, license {published.license}")
+
+
+def _download(file: PublishedFile, folder: Path) -> None:
+    if urlsplit(file.address).hostname != "drive.google.com":
+        download(file, folder)
+        return
+    try:
+        import gdown
+    except ImportError:
+        raise WeightsError(
+            f"{file.name} is at {file.address} (Google Drive): pip install gdown, or get it there "
+            "and give it to ssiam weights import"
+        ) from None
+    make_folder(folder)
+    part = folder / f"{file.name}.part"
+    if gdown.download(file.address, str(part), quiet=True, resume=True) is None:
+        raise WeightsError(f"{file.address}: gdown brought no file; get {file.name} there")
+    part.replace(folder / file.name)
 
 
 @weights.command(name="import")
@@ -54,41 +118,29 @@ def import_(
     *,
     tracker: str | None = None,
     folder: Path | None = None,
+    replace: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
-    """Import an authors' .pth file: identify it, check it, and store it for the trackers.
+    """Import weights as their authors publish them: identify, check and store them.
 
-    The file is copied and exported to ONNX, which every runtime accepts; PyTorch is needed only
-    for the import.
+    A .pth file is copied and exported to ONNX, which every runtime accepts; PyTorch is needed only
+    for the import. Other weights of the tracker are kept unless --replace is given.
 
     Parameters
     ----------
     file
-        The .pth file, or a folder written by ssiam weights export.
+        The .pth file, the authors' folder of it, the folder of NanoTrack's two .onnx files, or a
+        folder written by ssiam weights export.
     tracker
         Tracker for which they are stored, if several have the same network (siammask_...). By
-        default the tracker that is named like the network.
+        default the tracker that is named like the network, or like the file of SiamMask's authors.
     folder
         Folder to store them in. By default the folder weights in the user's cache folder.
+    replace
+        Replace other weights of the tracker.
     """
-    network = _network_of(file)
-    name = network if tracker is None else tracker
-    if name not in MODEL_ZOO:
-        raise WeightsError(f"weights {file} are those of {network}, which no tracker uses")
-    if MODEL_ZOO[name].network != network:
-        raise WeightsError(
-            f"weights {file} are those of {network}, but {name} has {MODEL_ZOO[name].network}"
-        )
-    print(f"{file}: {network}")
-    target = (folder or cache_folder() / "weights") / MODEL_ZOO[name].folder
-    exported = find_export(file)
-    if exported is None:
-        _check_folder("--folder", target, [("the weights", file)])
-        _export(file, target, name, "f32", ())
-        _copy_files([file], target, f"{network}.pth")
-    else:
-        pieces = [exported / f"{piece}.onnx" for piece in Manifest.read(exported).pieces]
-        _copy_files([*pieces, exported / MANIFEST_FILE], target)
-    print(f"stored in {target}")
+    stored = import_weights(file, tracker, folder, replace=replace)
+    print(f"{file}: {stored.network}")
+    print(f"stored in {stored.folder} for {stored.tracker}")
 
 
 @weights.command(name="export")
@@ -137,21 +189,6 @@ def _export(
     export_network(file, target, name=name, network=network, precision=precision, images=images)
 
 
-def _network_of(file: Path) -> str:
-    """Name of the network in a checkpoint or an exported folder."""
-    folder = find_export(file)
-    if folder is not None:
-        return Manifest.read(folder).network
-    if file.suffix == ".onnx":
-        raise WeightsError(
-            f"weights {file} are ONNX without a {MANIFEST_FILE} beside them: they need no import, "
-            "give them to a tracker directly"
-        )
-    from ssiam.networks import read_checkpoint
-
-    return read_checkpoint(file).name
-
-
 def _calibration_images(source: str) -> list[Image]:
     """Frames of a source, spread over all of it if its length is known."""
     from ssiam.video import open_source
@@ -164,6 +201,18 @@ def _calibration_images(source: str) -> list[Image]:
     return found
 
 
+def _digests(publication: PublishedWeights, folder: Path | None) -> list[str]:
+    """Lines with the SHA-256 of the files: the authors', else that of the imported file."""
+    stated = [
+        f"{file.name}: {file.size} bytes, SHA-256 {file.sha256}"
+        for file in publication.files
+        if file.sha256 is not None
+    ]
+    if stated or folder is None or not (folder / MANIFEST_FILE).is_file():
+        return stated or ["SHA-256 not stated by the authors; that of the first import is kept"]
+    return [f"SHA-256 of the imported file {Manifest.read(folder).sha256}"]
+
+
 def _description(folder: Path) -> str:
     """Short description of a folder of weights."""
     kinds = [path.name for path in sorted(folder.glob("*.pth"))]
@@ -172,23 +221,6 @@ def _description(folder: Path) -> str:
     elif any(folder.glob("*.onnx")):
         kinds.append("ONNX")
     return f"{folder} ({', '.join(kinds) or 'empty'})"
-
-
-def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
-    """Copy files into a folder; existing ones are replaced after all copies are complete."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
-            for file in files:
-                target = folder / (name or file.name)
-                if not (target.exists() and target.samefile(file)):
-                    shutil.copyfile(file, Path(temporary, target.name))
-            for staged in sorted(
-                Path(temporary).iterdir(), key=lambda path: path.name == MANIFEST_FILE
-            ):
-                staged.replace(folder / staged.name)
-    except OSError as error:
-        raise output_error(folder, error) from error
 
 
 def _check_folder(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ssiam.datasets.sequence import VideoSequence
-from ssiam.errors import DatasetError, UnknownSequenceError
+from ssiam.errors import DatasetError, UnknownSequenceError, spelling
 
 Readers: TypeAlias = Mapping[str, Callable[[], VideoSequence]]
 
@@ -67,7 +67,9 @@ class LazySequences(Mapping[str, VideoSequence]):
         )
 
     def _unknown_message(self, name: str) -> str:
-        near = difflib.get_close_matches(name, self._readers, n=3) or list(self._readers)[:3]
+        near = [each for each in self._readers if spelling(each) == spelling(name)]
+        near = near or difflib.get_close_matches(name, self._readers, n=3)
+        near = near or list(self._readers)[:3]
         return f"no sequence {name!r} in this dataset; did you mean {' or '.join(near)}?"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -114,3 +114,18 @@ class VideoSequence:
         """Boxes (K, 4) x, y, w, h of the other objects that are visible in a frame."""
         rows = (boxes[index] for boxes in self.others.values())
         return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 4)
+
+
+def with_size(sequence: VideoSequence) -> VideoSequence:
+    """The sequence with the size of its frames, from the first image if the dataset lacks it.
+
+    Raises
+    ------
+    SourceError, StreamError
+        The first image cannot be read.
+    """
+    if sequence.size_wh is not None:
+        return sequence
+    for image in sequence.images():
+        return replace(sequence, size_wh=(image.shape[1], image.shape[0]))
+    raise SourceError(f"sequence {sequence.name}: has no frames")

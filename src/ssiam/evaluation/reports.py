@@ -27,6 +27,7 @@ from ssiam.evaluation.measures.success import (
     success,
 )
 from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
+from ssiam.evaluation.paper.summary import parse_label, parse_variant
 from ssiam.evaluation.runs.result_files import (
     ResultsError,
     TrackerResults,
@@ -101,13 +102,13 @@ class Comparison:
         }
 
 
-def report(results: TrackerResults, interval: Interval) -> TrackerReport:
-    """Measure the supervised runs of a tracker.
+def report(results: TrackerResults, interval: Interval | None) -> TrackerReport:
+    """Measure the supervised runs of a tracker; without an interval there is no EAO.
 
     Raises
     ------
     ArgumentError
-        The dataset does not give the frame size.
+        The frame size is not known.
     """
     measured = [pysot.measure(each) for each in results.tracked]
     return TrackerReport(
@@ -122,8 +123,19 @@ def report(results: TrackerResults, interval: Interval) -> TrackerReport:
 
 
 def compared(reports: Sequence[TrackerReport]) -> list[Comparison]:
-    """Compare every tracker but the first with the first."""
-    reference, *others = reports
+    """Compare each tracker's stabilized runs with its own `off`, and any others with the first.
+
+    The name of a report is the label of ``ssiam bench``, or any other. An `off` with which another
+    report is compared is not compared itself.
+    """
+    by_name = {each.name: each for each in reports}
+    alone = {each.name: by_name.get(_unstabilized(each.name)) for each in reports}
+    used = {reference.name for reference in alone.values() if reference is not None}
+    pairs = [
+        (each, alone[each.name] or reports[0])
+        for each in reports
+        if each.name not in used and (alone[each.name] or each is not reports[0])
+    ]
     return [
         Comparison(
             each.name,
@@ -131,8 +143,17 @@ def compared(reports: Sequence[TrackerReport]) -> list[Comparison]:
             paired_difference(each.accuracy, reference.accuracy),
             paired_difference(each.lost, reference.lost, over="sum"),
         )
-        for each in others
+        for each, reference in pairs
     ]
+
+
+def _unstabilized(label: str) -> str:
+    """Label of the same tracker's run without stabilization; empty for it and other names."""
+    parsed = parse_label(label)
+    if parsed is None or parsed[1].stabilize == "off":
+        return ""
+    variant = parse_variant(label)
+    return "-".join([parsed[0], "off", *variant.split(", ")]) if variant else f"{parsed[0]}-off"
 
 
 def scores_table(reports: Iterable[TrackerReport]) -> Table:
@@ -174,10 +195,10 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
     return table
 
 
-def _interval_notes(results: TrackerResults, interval: Interval) -> list[str]:
+def _interval_notes(results: TrackerResults, interval: Interval | None) -> list[str]:
     """A line if no run is as long as the end of the EAO interval."""
     longest = max(len(run) for each in results.tracked for run in each.runs)
-    if longest > interval.high:
+    if interval is None or longest > interval.high:
         return []
     return [
         f"{results.name}: EAO is defined over lengths {interval.low} to {interval.high}, and no "

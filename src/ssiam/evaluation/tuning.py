@@ -16,8 +16,10 @@ from ssiam.datasets import open_dataset
 from ssiam.errors import IncompleteError, MissingExtraError, SsiamError, check_choice
 from ssiam.evaluation.parameters import Parameter, is_whole, paper_config, paper_values
 from ssiam.evaluation.runs.bench import run_all, tasks
-from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.entries import DEFAULT_OPTIONS, Entry, changed_runtime, options_for
+from ssiam.evaluation.runs.identity import Identity
 from ssiam.outputs import make_folder
+from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS
 
@@ -49,6 +51,8 @@ class Search:
         By the name of the tracker.
     seed : int
         A search with the same seed tries the same values.
+    options : RuntimeOptions
+        How the networks run, and the threads of each run.
     """
 
     dataset: Path
@@ -57,6 +61,7 @@ class Search:
     out: Path
     weights: Mapping[str, Path] = field(default_factory=dict)
     seed: int = 0
+    options: RuntimeOptions = DEFAULT_OPTIONS
 
 
 @dataclass(frozen=True)
@@ -140,16 +145,34 @@ def _identity(search: Search) -> dict[str, Any]:
         "parameters": [str(each) for each in search.parameters],
         "sequences": list(open_dataset(search.dataset).sequences),
         "seed": search.seed,
+        "runtime": changed_runtime(search.options),
+        "weights": _weights(search),
     }
+
+
+def _weights(search: Search) -> dict[str, str]:
+    """SHA-256 of the weights by tracker, for those that have any."""
+    entries = _entries(search, StabilizerConfig("off"))
+    digests = {entry.tracker: Identity.of(entry).weights_sha256 for entry in entries}
+    return {name: digest for name, digest in digests.items() if digest is not None}
+
+
+def _entries(search: Search, config: StabilizerConfig) -> list[Entry]:
+    """The trackers of a search with a configuration."""
+    return [
+        Entry(
+            check_choice("tracker", name, TRACKERS),
+            config,
+            search.weights.get(name),
+            options_for(name, search.options),
+        )
+        for name in search.trackers
+    ]
 
 
 def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int, float]:
     """Lost targets and mean overlap of a configuration."""
-    entries = [
-        Entry(check_choice("tracker", name, TRACKERS), config, search.weights.get(name))
-        for name in search.trackers
-    ]
-    todo = tasks(entries, open_dataset(search.dataset), search.dataset, search.out)
+    todo = tasks(_entries(search, config), open_dataset(search.dataset), search.dataset, search.out)
     failed = [result for result in run_all(todo, jobs) if result.failed]
     if failed:
         first = failed[0]
@@ -196,7 +219,7 @@ def _open_study(path: Path, search: Mapping[str, Any]) -> Any:
     if not study.user_attrs:
         study.set_user_attr("search", dict(search))
     earlier = study.user_attrs["search"]
-    differing = [name for name in search if earlier.get(name) != search[name]]
+    differing = [name for name in search if earlier.get(name, {}) != search[name]]
     if differing:
         raise TuningError(
             f"{path}: belongs to a search with other {' and '.join(differing)}; give another --out"

@@ -18,10 +18,11 @@ from torch import Tensor
 from ssiam.errors import WeightsError
 from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.registry import NETWORKS, NetworkName, build_network
-from ssiam.networks.state_dicts import COUNTERS, recognize, rename_keys
+from ssiam.networks.state_dicts import COUNTERS, FOOLWOOD, PARALLEL, recognize, rename_keys
 
 __all__ = [
     "Checkpoint",
+    "is_of_siammask_authors",
     "network_from_state_dict",
     "read_checkpoint",
     "read_state_dict",
@@ -90,6 +91,14 @@ def read_state_dict(path: Path) -> dict[str, Tensor]:
     """
     with _file_in_messages(path):
         return _state_dict(_read_content(path))
+
+
+def is_of_siammask_authors(path: Path) -> bool:
+    """Whether a checkpoint of SiamMask is from its authors' repository, and not from pysot.
+
+    Both have the same network under other key names. Raises `WeightsError` as `read_state_dict`.
+    """
+    return any(key.removeprefix(PARALLEL).startswith(FOOLWOOD) for key in read_state_dict(path))
 
 
 def read_torch_file(path: Path) -> Any:

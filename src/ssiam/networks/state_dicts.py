@@ -11,7 +11,7 @@ import torch
 
 from ssiam.networks.registry import NETWORKS, NetworkName, build_network
 
-__all__ = ["COUNTERS", "Difference", "Shapes", "recognize", "rename_keys"]
+__all__ = ["COUNTERS", "FOOLWOOD", "PARALLEL", "Difference", "Shapes", "recognize", "rename_keys"]
 
 Shapes: TypeAlias = Mapping[str, tuple[int, ...]]
 """Shapes of weights, by name."""
@@ -23,10 +23,12 @@ COUNTERS: Final = "num_batches_tracked"
 _MIN_SHARE: Final = 0.5  # of a network's weights that must be present to recognize it
 _LISTED: Final = 3  # names of each kind in a message
 
-_PARALLEL: Final = "module."  # prefix of torch.nn.DataParallel
+PARALLEL: Final = "module."  # prefix of torch.nn.DataParallel
+
+FOOLWOOD: Final = "features.features."  # prefix of the backbone in foolwood/SiamMask
 
 _PREFIXES: Final = {  # foolwood/SiamMask
-    "features.features.": "backbone.",
+    FOOLWOOD: "backbone.",
     "features.downsample.": "neck.downsample.",
     "rpn_model.": "rpn_head.",
     "mask_model.mask.": "mask_head.",
@@ -67,7 +69,7 @@ def rename_keys(weights: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def _rename(key: str) -> str:
-    key = key.removeprefix(_PARALLEL)
+    key = key.removeprefix(PARALLEL)
     for theirs, ours in _PREFIXES.items():
         if key.startswith(theirs):
             return ours + key.removeprefix(theirs)

@@ -18,6 +18,7 @@ __all__ = [
     "input_shape_error",
     "not_int8_error",
     "sha256",
+    "weights_sha256",
 ]
 
 _CHUNK: Final = 1 << 20  # bytes
@@ -39,6 +40,33 @@ def sha256(path: Path) -> str:
         while chunk := file.read(_CHUNK):
             digest.update(chunk)
     return digest.hexdigest()
+
+
+def weights_sha256(weights: Path, runtime: str = "openvino") -> str:
+    """Digest of the files that a runtime reads from a file or folder of weights, 64 digits.
+
+    Of one file it is the `sha256`. Several .onnx files of a folder are combined in the order of
+    their names, which count too.
+
+    Raises
+    ------
+    WeightsError
+        There is no file of weights, or one cannot be read.
+    """
+    files = [weights]
+    if weights.is_dir() or (weights.suffix == ".onnx" and weights.is_file()):
+        folder = weights if weights.is_dir() else weights.parent
+        kinds = ("*.pth", "*.onnx") if runtime == "torch" else ("*.onnx", "*.pth")
+        files = next((found for kind in kinds if (found := sorted(folder.glob(kind)))), [])
+    if not files:
+        raise WeightsError(f"weights folder {weights} holds no .onnx and no .pth file")
+    try:
+        digests = [(path.name, sha256(path)) for path in files]
+    except OSError as error:
+        raise WeightsError(f"weights {error.filename} cannot be read: {error.strerror}") from error
+    if len(digests) == 1:
+        return digests[0][1]
+    return hashlib.sha256(repr(digests).encode()).hexdigest()
 
 
 def fingerprint(paths: Iterable[Path], key: str) -> str:

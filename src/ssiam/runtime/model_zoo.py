@@ -5,7 +5,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["MODEL_ZOO", "PublishedWeights"]
+__all__ = ["MODEL_ZOO", "PublishedFile", "PublishedWeights"]
+
+
+@dataclass(frozen=True)
+class PublishedFile:
+    """One file of weights, and what is known of it.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    name : str
+    address : str
+        Of the file itself, for a download.
+    size : int or None
+        Bytes; None if the authors do not state it.
+    sha256 : str or None
+        64 hexadecimal digits; None if the authors do not state it.
+    """
+
+    name: str
+    address: str
+    size: int | None = None
+    sha256: str | None = None
 
 
 @dataclass(frozen=True)
@@ -28,6 +51,10 @@ class PublishedWeights:
         Name of the folder for imported weights, which is the name of a tracker that uses the file.
     size : str
         Size of the file, as stated at the source.
+    files : tuple of PublishedFile
+        The files, if they have direct addresses.
+    authors_folders : tuple of str
+        Other names of the folder: those in the authors' repositories.
     """
 
     network: str
@@ -36,10 +63,18 @@ class PublishedWeights:
     license: str
     folder: str
     size: str = "unknown"
+    files: tuple[PublishedFile, ...] = ()
+    authors_folders: tuple[str, ...] = ()
 
 
 _PYSOT: Final = "github.com/STVIR/pysot, MODEL_ZOO.md (Google Drive, Baidu)"
 _OXFORD: Final = "http://www.robots.ox.ac.uk/~qwang/"
+# The repository as of 2023-10-26. Sizes and digests are those of the files in this commit.
+_SIAMTRACKERS: Final = (
+    "https://raw.githubusercontent.com/HonglinChu/SiamTrackers/"
+    "248663fde6bf7c40190cf10ee396d5662919ecd3"
+)
+_SIAMFC_DRIVE: Final = "https://drive.google.com/uc?id=1UdxuBQ1qtisoWYFZxLgMFJ9mJtGVw6n4"
 _SIAMFC: Final = (
     "github.com/huanglianghua/siamfc-pytorch (Google Drive 1UdxuBQ1qtisoWYFZxLgMFJ9mJtGVw6n4)"
 )
@@ -51,20 +86,68 @@ def _pysot(network: str) -> PublishedWeights:
 
 
 def _oxford(tracker: str, file: str) -> PublishedWeights:
-    return PublishedWeights(_SIAMMASK, _OXFORD + file, file, "MIT", tracker)
+    files = (PublishedFile(file, _OXFORD + file),)
+    return PublishedWeights(_SIAMMASK, _OXFORD + file, file, "MIT", tracker, files=files)
 
 
-def _nanotrack(tracker: str) -> PublishedWeights:
-    source = "github.com/HonglinChu/SiamTrackers"
-    return PublishedWeights(tracker, source, "two .onnx files", "Apache-2.0", tracker)
+def _nanotrack(tracker: str, *files: tuple[str, int, str]) -> PublishedWeights:
+    folder = tracker.replace("_", "")
+    address = f"{_SIAMTRACKERS}/NanoTrack/models/{folder}/"
+    return PublishedWeights(
+        tracker,
+        "github.com/HonglinChu/SiamTrackers",
+        "two .onnx files",
+        "Apache-2.0",
+        tracker,
+        f"{sum(size for _, size, _ in files)} bytes",
+        tuple(PublishedFile(name, address + name, size, digest) for name, size, digest in files),
+        (folder,),
+    )
 
 
 MODEL_ZOO: Final[dict[str, PublishedWeights]] = {
-    "nanotrack_v1": _nanotrack("nanotrack_v1"),
-    "nanotrack_v2": _nanotrack("nanotrack_v2"),
-    "nanotrack_v3": _nanotrack("nanotrack_v3"),
+    "nanotrack_v1": _nanotrack(
+        "nanotrack_v1",
+        (
+            "nanotrack_backbone_sim.onnx",
+            767819,
+            "f6fdf311bdc846510c2f9f0b2b8159c7e0cf5d80ed18c9079faeb32db460cba9",
+        ),
+        (
+            "nanotrack_head_sim.onnx",
+            392202,
+            "4c987e5121cc400b6175f2168c30c84857864fe36d5e7a14df0c27e8e5b9540d",
+        ),
+    ),
+    "nanotrack_v2": _nanotrack(
+        "nanotrack_v2",
+        (
+            "nanotrack_backbone_sim.onnx",
+            1056849,
+            "530bdd0cd00f19afab79a863e71ba71e3312395a5dc9151af675082bdaaa2fc4",
+        ),
+        (
+            "nanotrack_head_sim.onnx",
+            726198,
+            "0d8c0637be849f092cc7236cae02e55c8b9455ebe37ba50601d6115db4247cd9",
+        ),
+    ),
+    "nanotrack_v3": _nanotrack(
+        "nanotrack_v3",
+        (
+            "nanotrack_backbone.onnx",
+            1431635,
+            "50be1320abf9384fd3479ea829f95e244cf3f3838190c5ab60c750fb8c1ce828",
+        ),
+        (
+            "nanotrack_head.onnx",
+            1183740,
+            "75357903be3f4817c965af16cb5a11fd32b1467f597a408405a98635ac63f61d",
+        ),
+    ),
     "siamfc": PublishedWeights(
-        "siamfc", _SIAMFC, "siamfc_alexnet_e50.pth", "MIT", "siamfc", "about 9.4 MB"
+        *("siamfc", _SIAMFC, "siamfc_alexnet_e50.pth", "MIT", "siamfc", "about 9.4 MB"),
+        (PublishedFile("siamfc_alexnet_e50.pth", _SIAMFC_DRIVE),),
     ),
     "siamrpn_alex_dwxcorr": _pysot("siamrpn_alex_dwxcorr"),
     "siamrpn_mobilev2_l234_dwxcorr": _pysot("siamrpn_mobilev2_l234_dwxcorr"),

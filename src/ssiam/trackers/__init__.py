@@ -2,7 +2,14 @@
 
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.group import TrackerGroup
-from ssiam.trackers.registry import DEFAULT_TRACKER, TRACKERS, TrackerName, load_tracker
+from ssiam.trackers.registry import (
+    DEFAULT_TRACKER,
+    TRACKERS,
+    TrackerName,
+    has_networks,
+    load_tracker,
+    weights_path,
+)
 from ssiam.trackers.stabilized import StabilizedTracker
 
 __all__ = [
@@ -12,5 +19,7 @@ __all__ = [
     "TrackerGroup",
     "TrackerName",
     "ViewTracker",
+    "has_networks",
     "load_tracker",
+    "weights_path",
 ]

@@ -96,7 +96,7 @@ class NanoTrackNetworks:
         """
         from ssiam.runtime.loading import load_network
 
-        backbone, head = _onnx_pair(weights)
+        backbone, head = onnx_pair(weights)
 
         def compiled(
             path: Path, precision: Precision, shape: tuple[int, ...] | None = None
@@ -215,7 +215,7 @@ class NanoTrack(SiameseTracker[_Target]):
         self._target.state = TargetState.from_reported_xywh(xywh)
 
 
-def _onnx_pair(weights: Path) -> tuple[Path, Path]:
+def onnx_pair(weights: Path) -> tuple[Path, Path]:
     """The files of backbone and head; `weights` is their folder or one of them."""
     folder = weights if weights.is_dir() else weights.parent
     if not weights.exists():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
 
@@ -162,10 +163,33 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     return imported
 
 
+def has_networks(name: str) -> bool:
+    """Whether a tracker runs networks; OpenCV's trackers do not."""
+    return name not in get_args(OpenCvName)
+
+
+def weights_path(name: str, weights: Path | None = None) -> Path | None:
+    """The file or folder of weights that `load_tracker` reads; None without any, or if missing."""
+    if not has_networks(name):
+        return None
+    if weights is None:
+        weights = SHIPPED if name == "lite" else imported_weights(MODEL_ZOO[name])
+    return weights if weights is not None and weights.exists() else None
+
+
 def imported_weights(published: PublishedWeights) -> Path | None:
-    """The folder of imported weights, in one of `weights_folders`; None if there is none."""
-    folders = [folder / published.folder for folder in weights_folders()]
-    return next((folder for folder in folders if folder.is_dir()), None)
+    """The folder of imported weights, in one of `weights_folders`; None if there is none.
+
+    A folder may also have the name that it has in the authors' repository.
+    """
+    return find_weights(published, weights_folders())
+
+
+def find_weights(published: PublishedWeights, folders: Iterable[Path]) -> Path | None:
+    """The first folder of published weights in `folders`; None if there is none."""
+    names = (published.folder, *published.authors_folders)
+    found = (folder / name for folder in folders for name in names)
+    return next((path for path in found if path.is_dir()), None)
 
 
 def weights_folders() -> tuple[Path, ...]:

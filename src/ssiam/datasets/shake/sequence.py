@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets.dataset import Dataset, LazySequences
-from ssiam.datasets.sequence import VideoSequence
+from ssiam.datasets.sequence import VideoSequence, with_size
 from ssiam.datasets.shake.camera import Shake, ShakingCamera, shaking_camera
-from ssiam.errors import FrameSizeError, SourceError
+from ssiam.errors import FrameSizeError
 from ssiam.geometry import Image, Transform, area_preserving_xywh, map_box
 
 
@@ -76,8 +76,8 @@ def shaken(sequence: VideoSequence, shake: Shake) -> ShakenSequence:
     SourceError, StreamError
         The first image cannot be read.
     """
-    size_wh = sequence.size_wh or _first_size(sequence)
-    camera = shaking_camera(shake, len(sequence), size_wh, sequence.name)
+    raw = with_size(sequence)
+    camera = shaking_camera(shake, len(raw), raw.size_wh or (0, 0), raw.name)
     return ShakenSequence(
         name=sequence.name,
         frames=sequence.frames,
@@ -87,7 +87,7 @@ def shaken(sequence: VideoSequence, shake: Shake) -> ShakenSequence:
         size_wh=camera.size_wh,
         count=sequence.count,
         others=_mapped_others(sequence, camera) if shake.strength else sequence.others,
-        raw=replace(sequence, size_wh=size_wh),
+        raw=raw,
         shake=shake,
         camera=camera,
         shaken_from_raw=camera.poses(np.arange(len(sequence), dtype=np.float64)),
@@ -102,12 +102,6 @@ def shaken_dataset(dataset: Dataset, shake: Shake) -> Dataset:
 
     readers = {name: partial(read, name) for name in dataset.sequences}
     return replace(dataset, sequences=LazySequences(readers))
-
-
-def _first_size(sequence: VideoSequence) -> tuple[int, int]:
-    for image in sequence.images():
-        return image.shape[1], image.shape[0]
-    raise SourceError(f"sequence {sequence.name}: has no frames")
 
 
 def _mapped_others(

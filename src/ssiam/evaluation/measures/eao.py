@@ -65,24 +65,24 @@ def known_year(dataset: str) -> int | None:
     return year if year in INTERVALS else None
 
 
-def interval_of(dataset: str, year: int | None = None) -> Interval:
+def interval_of(dataset: str, year: int | None = None) -> Interval | None:
     """The EAO interval of `year`, or of the year in the dataset's name.
+
+    Returns
+    -------
+    Interval or None
+        None for a dataset without EAO: its name contains no year of VOT that defines one.
 
     Raises
     ------
     ArgumentError
-        The year has no interval, or the name contains no year.
+        `year` has no interval.
     """
-    known = ", ".join(map(str, INTERVALS))
-    year = vot_year(dataset) if year is None else year
-    if year is None:
-        raise ArgumentError(
-            f"dataset {dataset!r}: its name contains no VOT year, which sets the interval of EAO; "
-            f"give --year ({known})"
-        )
-    if year not in INTERVALS:
+    if year is not None and year not in INTERVALS:
+        known = ", ".join(map(str, INTERVALS))
         raise ArgumentError(f"VOT{year} has no EAO of supervised runs; give --year ({known})")
-    return INTERVALS[year]
+    found = known_year(dataset) if year is None else year
+    return None if found is None else INTERVALS[found]
 
 
 def expected_overlap(fragments: Sequence[Fragment], length: int) -> Floats:

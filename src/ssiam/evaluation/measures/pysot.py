@@ -59,7 +59,7 @@ def measure(tracked: TrackedSequence) -> MeasuredSequence:
     Raises
     ------
     ArgumentError
-        The dataset does not give the frame size.
+        The frame size is not known.
     """
     width, height = tracked.size_wh
     found = []

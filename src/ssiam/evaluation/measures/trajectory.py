@@ -105,11 +105,11 @@ class TrackedSequence:
 
     @property
     def size_wh(self) -> tuple[int, int]:
-        """Width and height of the frames, pixels; `ArgumentError` if the dataset lacks them."""
+        """Width and height of the frames, pixels; `ArgumentError` if they are not known."""
         if self.sequence.size_wh is None:
             raise ArgumentError(
-                f"sequence {self.name}: the dataset does not give the frame size, which bounds the "
-                "overlap; add width and height to it"
+                f"sequence {self.name}: the size of the frames, which bounds the overlap, is not "
+                "known: add the images, or width and height, to the dataset"
             )
         return self.sequence.size_wh
 

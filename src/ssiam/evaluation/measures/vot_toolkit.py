@@ -18,8 +18,8 @@ _BURN_IN = 10
 _SENSITIVITY = 30
 
 
-def scores(tracked: Sequence[TrackedSequence], interval: Interval) -> Scores:
-    """A, R and EAO over a dataset.
+def scores(tracked: Sequence[TrackedSequence], interval: Interval | None) -> Scores:
+    """A, R and EAO over a dataset; no EAO without interval.
 
     Accuracy and robustness are means over the sequences, weighted by their lengths, of a run's mean
     overlap and of its number of lost targets. A run shorter than its sequence, which the toolkit
@@ -28,7 +28,7 @@ def scores(tracked: Sequence[TrackedSequence], interval: Interval) -> Scores:
     Raises
     ------
     ArgumentError
-        The dataset does not give the frame size.
+        The frame size is not known.
     """
     weights = [max(map(len, each.runs)) for each in tracked]
     accuracies: list[float] = []
@@ -43,7 +43,7 @@ def scores(tracked: Sequence[TrackedSequence], interval: Interval) -> Scores:
     return Scores(
         accuracy=float(np.average(accuracies, weights=weights)),
         robustness=float(np.average(lost, weights=weights)),
-        eao=mean_or_nan(curve[interval.low : interval.high + 1]),
+        eao=mean_or_nan(curve[interval.low : interval.high + 1]) if interval else math.nan,
         lost=sum(lost),
         frames=sum(weights),
     )

@@ -10,11 +10,11 @@ from typing import Final, Literal, TypeAlias, get_args
 from ssiam.errors import check_choice
 from ssiam.evaluation.measures.eao import known_year
 from ssiam.evaluation.paper.published import ABLATION_YEAR, PAPER_TRACKERS
-from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.entries import DEFAULT_OPTIONS, Entry, options_for
 from ssiam.motion import KEYPOINTS
-from ssiam.runtime import MODEL_ZOO
+from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 from ssiam.stabilize import StabilizerConfig
-from ssiam.trackers import TRACKERS
+from ssiam.trackers import TRACKERS, weights_path
 
 PresetName: TypeAlias = Literal["table1", "table2", "table3", "table4"]
 PRESETS: Final[tuple[PresetName, ...]] = get_args(PresetName)
@@ -64,7 +64,8 @@ class Preset:
     ----------
     entries : list of Entry
     missing : list of str
-        A line for each tracker and dataset of the paper that is not available, with its source.
+        A line for each tracker and dataset of the paper that is not available, with its source and
+        the command that brings it.
     """
 
     entries: list[Entry]
@@ -76,6 +77,7 @@ def preset(
     trackers: Sequence[str] | None,
     weights: Mapping[str, Path],
     datasets: Iterable[str] | None = None,
+    options: RuntimeOptions = DEFAULT_OPTIONS,
 ) -> Preset:
     """The runs for a table of the paper.
 
@@ -85,11 +87,13 @@ def preset(
         1: every tracker alone and stabilized. 2: the keypoint generators. 3: the thresholds of
         eq. 6, varied one at a time. 4: as 1, for lost targets by sequence.
     trackers : sequence of str, optional
-        Defaults to csrt, kcf and the trackers in `weights`.
+        Defaults to csrt, kcf, the trackers in `weights`, and the paper's with imported weights.
     weights : mapping of str to Path
         By the name of the tracker.
     datasets : iterable of str, optional
         Names of the datasets that will be run. With None, missing datasets are not listed.
+    options : RuntimeOptions
+        How the networks run, and the threads of each run.
 
     Raises
     ------
@@ -97,19 +101,34 @@ def preset(
         Unknown preset or tracker.
     """
     table = check_choice("preset", name, PRESETS)
-    names = [*_WITHOUT_WEIGHTS, *(each for each in TRACKERS if each in weights)]
+    imported = [each for each in PAPER_TRACKERS.values() if weights_path(each) is not None]
+    available = [each for each in TRACKERS if each in weights or each in imported]
+    names = [*_WITHOUT_WEIGHTS, *available]
     chosen = [check_choice("tracker", each, TRACKERS) for each in trackers or names]
     missing = [
-        f"{title}: give --weights {name}=FILE; its authors publish {MODEL_ZOO[name].file} at "
-        f"{MODEL_ZOO[name].source}"
+        _missing_tracker(title, name, name in available)
         for title, name in PAPER_TRACKERS.items()
         if name not in chosen
     ]
     if datasets is not None:
         missing += _missing_data(table, {known_year(each) for each in datasets})
     return Preset(
-        [Entry(each, config, weights.get(each)) for each in chosen for config in _CONFIGS[table]],
+        [
+            Entry(each, config, weights.get(each), options_for(each, options))
+            for each in chosen
+            for config in _CONFIGS[table]
+        ],
         missing,
+    )
+
+
+def _missing_tracker(title: str, name: str, has_weights: bool) -> str:
+    if has_weights:
+        return f"{title}: its weights are here; add {name} to --trackers"
+    published = MODEL_ZOO[name]
+    return (
+        f"{title}: get {published.file} at {published.source}, then: ssiam weights import "
+        f"{published.file} --tracker {name}"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -12,12 +12,14 @@ from typing import Any, Final
 import numpy as np
 
 from ssiam.datasets import Dataset, VideoSequence
+from ssiam.datasets.sequence import with_size
 from ssiam.errors import SsiamError, check_choice
 from ssiam.evaluation.measures import pysot
 from ssiam.evaluation.measures.eao import INTERVALS, Scores, known_year, mean_or_nan
 from ssiam.evaluation.measures.regions import Floats, upright
 from ssiam.evaluation.measures.success import Success, mean_success, success
 from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
+from ssiam.evaluation.runs.entries import VARIANT_KEYS
 from ssiam.evaluation.runs.result_files import (
     Experiment,
     ResultsError,
@@ -32,6 +34,7 @@ from ssiam.stabilize import METHODS, StabilizerConfig
 
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
 _MAX_NAMES: Final = 4  # in a note
+_SETTINGS: Final = r"-(?=[a-z_0-9]+=)"  # before each setting of a label
 _PARSERS: Final = {int: int, float: float}  # by type of an option
 
 
@@ -44,6 +47,7 @@ class Summary:
     label : str
         Name of the results folder.
     tracker : str
+        With the variant of the run (runtime, weights, ...) if the tracker has several.
     config : StabilizerConfig or None
         None for results of other programs, whose folder names do not contain it.
     supervised, one_pass : mapping of str to TrackedSequence
@@ -160,7 +164,9 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
     year = known_year(dataset.name)
     notes: list[str] = []
     sequences = {name: _with_size(each, notes) for name, each in dataset.sequences.items()}
-    entries = sorted((_summary(each, sequences, year, notes) for each in folders), key=_sort_key)
+    names = _tracker_names(folders)
+    measured = (_summary(each, names[each], sequences, year, notes) for each in folders)
+    entries = sorted(measured, key=_sort_key)
     found = [each for each in entries if each.supervised or each.one_pass]
     without_supervised = [each.label for each in found if not each.supervised]
     without_one_pass = [each.label for each in found if year is None and not each.one_pass]
@@ -175,8 +181,12 @@ def summarize(results: Path, dataset: Dataset) -> Summaries:
 
 
 def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
-    """Tracker and configuration of an `Entry.label`; None if the text is not such a label."""
-    head, *changes = re.split(r"-(?=[a-z_0-9]+=)", label)
+    """Tracker and configuration of an `Entry.label`; None if the text is not such a label.
+
+    Runtime options and weights in the label are ignored; `parse_variant` returns them.
+    """
+    head, *settings = re.split(_SETTINGS, label)
+    changes = [each for each in settings if each.partition("=")[0] not in VARIANT_KEYS]
     tracker, _, method = head.rpartition("-")
     options = StabilizerConfig().options()
     types = {name: _PARSERS.get(type(value), str) for name, value in options.items()}
@@ -189,6 +199,28 @@ def parse_label(label: str) -> tuple[str, StabilizerConfig] | None:
         return (tracker, config) if tracker else None
     except (KeyError, ValueError):
         return None
+
+
+def parse_variant(label: str) -> str:
+    """Runtime options and weights in a label, such as ``runtime=torch, threads=4``; often empty."""
+    _, *settings = re.split(_SETTINGS, label)
+    return ", ".join(each for each in settings if each.partition("=")[0] in VARIANT_KEYS)
+
+
+def _tracker_names(folders: Iterable[Path]) -> dict[Path, str]:
+    """Name of the tracker of each folder, with the variant for trackers that have several."""
+    parsed = {folder: parse_label(folder.name) for folder in folders}
+    variants: dict[str, set[str]] = {}
+    for folder, found in parsed.items():
+        if found is not None:
+            variants.setdefault(found[0], set()).add(parse_variant(folder.name))
+    names = {}
+    for folder, found in parsed.items():
+        name = folder.name if found is None else found[0]
+        variant = parse_variant(folder.name)
+        several = found is not None and variant and len(variants[name]) > 1
+        names[folder] = f"{name} ({variant})" if several else name
+    return names
 
 
 def _sort_key(summary: Summary) -> tuple[str, int, str]:
@@ -213,9 +245,13 @@ def _folders(results: Path) -> list[Path]:
 
 
 def _summary(
-    folder: Path, sequences: Mapping[str, VideoSequence], year: int | None, notes: list[str]
+    folder: Path,
+    tracker: str,
+    sequences: Mapping[str, VideoSequence],
+    year: int | None,
+    notes: list[str],
 ) -> Summary:
-    tracker, config = parse_label(folder.name) or (folder.name, None)
+    _, config = parse_label(folder.name) or ("", None)
     supervised = _runs(folder, sequences, "baseline", notes)
     one_pass = _runs(folder, sequences, "unsupervised", notes)
     experiment: Experiment = "baseline" if supervised else "unsupervised"
@@ -290,11 +326,10 @@ def _with_size(sequence: VideoSequence, notes: list[str]) -> VideoSequence:
     if sequence.size_wh is not None:
         return sequence
     try:
-        height, width = next(sequence.images()).shape[:2]
+        return with_size(sequence)
     except SsiamError as error:
         notes.append(f"{error}; no A, R and EAO without the frame size")
         return sequence
-    return replace(sequence, size_wh=(width, height))
 
 
 def _listed(names: Sequence[str]) -> str:

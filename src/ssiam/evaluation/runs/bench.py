@@ -18,6 +18,7 @@ from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.evaluation.measures.regions import upright
 from ssiam.evaluation.measures.trajectory import Status, Trajectory
 from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.runs.identity import Identity, label_in
 from ssiam.evaluation.runs.parallel import in_parallel
 from ssiam.evaluation.runs.protocols import EXPERIMENTS, ProtocolName, run
 from ssiam.evaluation.runs.result_files import (
@@ -52,8 +53,10 @@ class Task:
     protocol : {"vot", "ope", "realtime"}
     out : Path
         Folder of all results.
-    threads : int
-        CPU threads of the run.
+    identity : Identity
+        Its weights and runtime.
+    label : str
+        Name of the tracker's folder of results.
     shake : Shake, optional
         Synthetic shake that is added to the sequence.
     """
@@ -64,13 +67,14 @@ class Task:
     sequence: str
     protocol: ProtocolName
     out: Path
-    threads: int = 1
+    identity: Identity
+    label: str
     shake: Shake | None = None
 
     @property
     def results(self) -> Path:
         """Folder of the tracker's results."""
-        return shaken_folder(self.out, self.shake) / self.entry.label
+        return shaken_folder(self.out, self.shake) / self.label
 
     def read(self) -> VideoSequence:
         """The sequence, with the shake if there is one."""
@@ -79,8 +83,16 @@ class Task:
 
     @property
     def path(self) -> Path:
-        """Result file of the run. The run is finished if it exists."""
+        """Result file of the run."""
         return vot_path(self.results, self.sequence, experiment=EXPERIMENTS[self.protocol])
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the result file exists, and is of the same weights and runtime.
+
+        Raises `ResultsError` if the record of these is damaged.
+        """
+        return self.path.exists() and self.identity.made(self.results, self.entry)
 
     @property
     def failure(self) -> Path:
@@ -129,13 +141,24 @@ def tasks(
     path: Path,
     out: Path,
     protocol: ProtocolName = "vot",
-    threads: int = 1,
     shakes: Sequence[Shake | None] = (None,),
 ) -> list[Task]:
-    """All runs of a benchmark, ordered by tracker, then shake; None means no shake."""
+    """All runs of a benchmark, ordered by tracker, then shake; None means no shake.
+
+    Raises `ResultsError` if the record of earlier results is damaged.
+    """
     path, out = path.resolve(), out.resolve()
+    identities = {entry: Identity.of(entry) for entry in dict.fromkeys(entries)}
+    labels = {
+        (entry, shake): label_in(shaken_folder(out, shake), entry, identity)
+        for entry, identity in identities.items()
+        for shake in shakes
+    }
     return [
-        Task(entry, path, dataset.kind, name, protocol, out, threads, shake)
+        Task(
+            *(entry, path, dataset.kind, name, protocol, out),
+            *(identities[entry], labels[entry, shake], shake),
+        )
         for entry in entries
         for shake in shakes
         for name in dataset.sequences
@@ -168,28 +191,31 @@ def run_all(
     """
     waiting = []
     for task in todo:
-        if task.path.exists():
+        if task.is_finished:
             yield _read(task)
         else:
             waiting.append(task)
     if cluster is None and jobs == 1:
         yield from map(run_task, waiting)
     elif waiting:
-        yield from in_parallel(run_task, waiting, jobs, waiting[0].threads, cluster, failed=_failed)
+        threads = waiting[0].identity.threads
+        yield from in_parallel(run_task, waiting, jobs, threads, cluster, failed=_failed)
 
 
 def run_task(task: Task) -> TaskResult:
     """Run one task and write its files; an error becomes the result's `failed`."""
     try:
-        cv2.setNumThreads(task.threads)
+        cv2.setNumThreads(task.identity.threads)
         sequence = task.read()
-        trajectory = run(_tracker(task.entry, task.threads), sequence, task.protocol)
+        tracker = _tracker(task.entry, task.identity)
+        task.identity.claim(task.results)
+        trajectory = run(tracker, sequence, task.protocol)
         _write(task, trajectory, sequence.box(0))
         seconds = 0.0 if trajectory.seconds is None else float(trajectory.seconds.sum())
         result = _result(task, trajectory, seconds)
     except Exception as error:
         if not isinstance(error, SsiamError):
-            _log.debug("%s on %s", task.entry.label, task.sequence, exc_info=True)
+            _log.debug("%s on %s", task.label, task.sequence, exc_info=True)
         # The error may have left the cached tracker in an inconsistent state.
         _tracker.cache_clear()
         return _failed(task, one_line(error))
@@ -202,7 +228,7 @@ def _failed(task: Task, reason: str) -> TaskResult:
     """The result of a failed run; also writes `Task.failure`, unless the disk is full."""
     with suppress(SinkError):
         write_lines(task.failure, [reason.encode("ascii", "backslashreplace").decode()])
-    return TaskResult(task.entry.label, task.sequence, failed=reason, shake=task.shake)
+    return TaskResult(task.label, task.sequence, failed=reason, shake=task.shake)
 
 
 def _read(task: Task) -> TaskResult:
@@ -210,7 +236,7 @@ def _read(task: Task) -> TaskResult:
     try:
         return _result(task, read_vot(task.path), 0.0)
     except Exception as error:
-        return TaskResult(task.entry.label, task.sequence, failed=one_line(error), shake=task.shake)
+        return TaskResult(task.label, task.sequence, failed=one_line(error), shake=task.shake)
 
 
 def _write(task: Task, trajectory: Trajectory, first_xywh: tuple[float, ...]) -> None:
@@ -234,7 +260,7 @@ def _result(task: Task, trajectory: Trajectory, seconds: float) -> TaskResult:
     overlaps = iou(upright(trajectory.regions[tracked]), upright(sequence.truth[tracked]))
     known = np.isfinite(overlaps)
     return TaskResult(
-        task.entry.label,
+        task.label,
         task.sequence,
         frames=int((trajectory.status == Status.TRACKED).sum()),
         lost=len(trajectory.failures),
@@ -250,5 +276,6 @@ def _dataset(path: Path, kind: str) -> Dataset:
 
 
 @lru_cache(maxsize=_CACHED_TRACKERS)
-def _tracker(entry: Entry, threads: int) -> StabilizedTracker:
-    return entry.load(threads)
+def _tracker(entry: Entry, identity: Identity) -> StabilizedTracker:
+    """The tracker of an entry; the identity makes that of replaced weights another one."""
+    return entry.load()

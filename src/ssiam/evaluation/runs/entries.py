@@ -5,10 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from ssiam.errors import check_choice
+from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import Method, StabilizerConfig
-from ssiam.trackers import TRACKERS, StabilizedTracker, TrackerName, load_tracker
+from ssiam.trackers import (
+    TRACKERS,
+    StabilizedTracker,
+    TrackerName,
+    has_networks,
+    load_tracker,
+)
+
+DEFAULT_OPTIONS: Final = RuntimeOptions()
+VARIANT_KEYS: Final = ("runtime", "device", "precision", "threads", "weights")
+"""Names in a label that belong to the run and not to the stabilizer's configuration."""
 
 
 @dataclass(frozen=True)
@@ -20,29 +32,65 @@ class Entry:
     tracker : str
     config : StabilizerConfig
     weights : Path, optional
+    options : RuntimeOptions
+        How the networks run, and the CPU threads of the run.
     """
 
     tracker: TrackerName
     config: StabilizerConfig
     weights: Path | None = None
+    options: RuntimeOptions = DEFAULT_OPTIONS
 
     @property
     def label(self) -> str:
         """Name of the results folder: tracker, method, and every non-default setting."""
-        changed = [f"{name}={value}" for name, value in self.config.changed_options().items()]
-        return "-".join([self.tracker, self.config.stabilize, *changed])
+        changed = {**self.config.changed_options(), **changed_runtime(self.options)}
+        settings = [f"{name}={value}" for name, value in changed.items()]
+        return "-".join([self.tracker, self.config.stabilize, *settings])
 
-    def load(self, threads: int) -> StabilizedTracker:
+    def load(self) -> StabilizedTracker:
         """Load the tracker, without a target."""
         return load_tracker(
-            self.tracker, weights=self.weights, stabilize=self.config, threads=threads
+            self.tracker,
+            weights=self.weights,
+            stabilize=self.config,
+            runtime=self.options.runtime,
+            threads=self.options.threads,
+            precision=self.options.precision,
+            device=self.options.device,
         )
 
 
+def changed_runtime(options: RuntimeOptions) -> dict[str, str | int]:
+    """The runtime options that differ from the defaults, by name."""
+    values = {
+        "runtime": options.runtime,
+        "device": options.resolved_device,
+        "precision": options.precision,
+        "threads": options.threads,
+    }
+    defaults = ("openvino", "cpu", "f32", 1)
+    return {
+        name: value
+        for (name, value), default in zip(values.items(), defaults, strict=True)
+        if value != default
+    }
+
+
+def options_for(tracker: str, options: RuntimeOptions) -> RuntimeOptions:
+    """The options that apply to a tracker: only the threads, if it has no networks."""
+    return options if has_networks(tracker) else RuntimeOptions(threads=options.threads)
+
+
 def entries(
-    trackers: Sequence[str], methods: Sequence[Method], weights: Mapping[str, Path]
+    trackers: Sequence[str],
+    methods: Sequence[Method],
+    weights: Mapping[str, Path],
+    options: RuntimeOptions = DEFAULT_OPTIONS,
 ) -> list[Entry]:
     """Every tracker with every method; `weights` maps tracker names to files or folders.
+
+    Of `options`, only the threads apply to trackers without networks.
 
     Raises
     ------
@@ -50,7 +98,12 @@ def entries(
         Unknown tracker.
     """
     return [
-        Entry(check_choice("tracker", name, TRACKERS), StabilizerConfig(method), weights.get(name))
+        Entry(
+            check_choice("tracker", name, TRACKERS),
+            StabilizerConfig(method),
+            weights.get(name),
+            options_for(name, options),
+        )
         for name in trackers
         for method in methods
     ]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets import VideoSequence
-from ssiam.errors import ArgumentError, SsiamError
+from ssiam.errors import ArgumentError, SsiamError, spelling
 from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
 from ssiam.outputs import atomic_write, make_folder
 
@@ -308,7 +308,7 @@ def read_results(
     for sequence in sequences:
         paths = repetitions(vot_path(folder, sequence.name, experiment=experiment))
         if not paths:
-            notes.append(f"{folder}: no results for sequence {sequence.name}; it is left out")
+            notes.append(_left_out(folder, sequence.name, experiment))
             continue
         runs = [_fitted(path, len(sequence.truth), notes) for path in paths]
         tracked.append(TrackedSequence(sequence, tuple(runs)))
@@ -316,6 +316,14 @@ def read_results(
         example = vot_path(Path(), "<sequence>", experiment=experiment)
         raise ResultsError(f"{folder}: no results of the dataset; expected {example}")
     return TrackerResults(folder.name or folder.resolve().name, tuple(tracked), tuple(notes))
+
+
+def _left_out(folder: Path, name: str, experiment: Experiment) -> str:
+    """Why a sequence is left out, with the folder that was probably meant for it."""
+    others = sorted(path.name for path in (folder / experiment).glob("*") if path.name != name)
+    same = [other for other in others if spelling(other) == spelling(name)]
+    hint = f" (is {' or '.join(same)} meant? rename it and the files in it)" if same else ""
+    return f"{folder}: no results for sequence {name}; it is left out{hint}"
 
 
 def _fitted(path: Path, length: int, notes: list[str]) -> Trajectory:

@@ -111,6 +111,30 @@ def write_workspace(
     return len(found)
 
 
+def left_out(folder: Path, sequences: Path | None = None) -> list[str]:
+    """A line for each folder beside the sequences of a workspace that is not one of them.
+
+    Parameters
+    ----------
+    folder : Path
+        The workspace.
+    sequences : Path, optional
+        As for `write_workspace`.
+    """
+    source = folder / _SEQUENCES if sequences is None else sequences
+    if not source.is_dir():
+        return []
+    listed = source / _LIST
+    chosen = {path.resolve() for path in _sequence_folders(source)}
+    reason = f"not in {listed}" if listed.is_file() else f"has no {_TRUTH}"
+    others = sorted(path for path in source.iterdir() if path.is_dir())
+    return [
+        f"{path.name}: left out, {reason}"
+        for path in others
+        if path.resolve() not in chosen and not path.name.startswith(".")
+    ]
+
+
 def _config(stack: str | None) -> str:
     name = f"./{_STACK}" if stack is None else stack
     return _CONFIG.format(trackers=_TRACKERS, stack=json.dumps(name), sequences=_SEQUENCES)
