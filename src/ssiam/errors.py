@@ -90,6 +90,6 @@ def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
     raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")
 
 
-def spelling(name: str) -> str:
+def spelling(name: object) -> str:
     """A name without case and punctuation, to find names that differ only in these."""
-    return "".join(letter for letter in name.casefold() if letter.isalnum())
+    return "".join(letter for letter in str(name).casefold() if letter.isalnum())
