@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final, TypeVar
 
 _MAX_LENGTH: Final = 200  # characters of another package's message
@@ -84,12 +84,16 @@ def check_choice(kind: str, value: str, known: Sequence[Choice]) -> Choice:
     for name in known:
         if name == value:
             return name
-    same = [name for name in known if spelling(name) == spelling(value)]
+    same = similar_names(value, known)
     if same:
         raise ArgumentError(f"unknown {kind} {value!r}: did you mean {' or '.join(same)}?")
     raise ArgumentError(f"unknown {kind} {value!r}: choose from {', '.join(known)}")
 
 
-def spelling(name: object) -> str:
-    """A name without case and punctuation, to find names that differ only in these."""
+def similar_names(name: object, known: Iterable[Choice]) -> list[Choice]:
+    """The known names that differ from a name only in case and punctuation."""
+    return [each for each in known if _letters(each) == _letters(name)]
+
+
+def _letters(name: object) -> str:
     return "".join(letter for letter in str(name).casefold() if letter.isalnum())

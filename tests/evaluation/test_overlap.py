@@ -139,21 +139,6 @@ def test_arrays_of_wrong_shape_are_refused(overlap, regions, words):
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("values", "other", "bounds"),
-    [
-        ("overlap_poly_bound_wh", "poly_b", (320, 240)),
-        ("overlap_rect_bound_wh", "rect_b", (320, 240)),
-        ("overlap_poly_bound_wm1_hm1", "poly_b", (319, 239)),
-        ("overlap_poly_nobound", "poly_b", None),
-    ],
-)
-def test_golden_numbers_of_pysot(shared, values, other, bounds):
-    data = np.load(shared("golden/vot_overlap.npz"))
-    found = vot_overlap(data["poly_a"], data[other], bounds)
-    np.testing.assert_allclose(found, data[values], atol=1e-6)
-
-
 IOU_CASES = [
     # name, box, other, iou, distance of the centers
     ("same", [1, 2, 3, 4], [1, 2, 3, 4], 1, 0),

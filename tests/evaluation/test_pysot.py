@@ -5,7 +5,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from helpers.benchmark_runs import SIZE, golden_runs, square, tracked, trajectory
+from helpers.benchmark_runs import SIZE, square, tracked, trajectory
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.measures import pysot
@@ -143,22 +143,6 @@ def test_unknown_years_are_refused():
 @pytest.mark.parametrize("name", ["OTB100", "VOT2013", "VOT2021"])
 def test_datasets_without_eao_have_no_interval(name):
     assert interval_of(name) is None
-
-
-def test_golden_overlaps(shared):
-    data = np.load(shared("golden/vot_eval.npz"))
-    for run in golden_runs(data):
-        (one,) = pysot.measure(run).overlaps
-        for found, key in ((one.accuracy, "burnin10"), (one.eao, "eao")):
-            np.testing.assert_allclose(found, data[f"{run.name}_overlaps_{key}"], atol=1e-6)
-
-
-@pytest.mark.parametrize("year", [2016, 2018, 2019])
-def test_golden_scores(shared, year):
-    data = np.load(shared("golden/vot_eval.npz"))
-    found = scores(*golden_runs(data), interval=INTERVALS[year])
-    values = [found.accuracy, found.robustness, found.eao, found.lost, found.frames]
-    np.testing.assert_allclose(values, data[f"VOT{year}"], atol=1e-6)
 
 
 PUBLISHED = [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ssiam.datasets.sequence import VideoSequence
-from ssiam.errors import DatasetError, UnknownSequenceError, spelling
+from ssiam.errors import DatasetError, UnknownSequenceError, similar_names
 
 Readers: TypeAlias = Mapping[str, Callable[[], VideoSequence]]
 
@@ -67,7 +67,7 @@ class LazySequences(Mapping[str, VideoSequence]):
         )
 
     def _unknown_message(self, name: str) -> str:
-        near = [each for each in self._readers if spelling(each) == spelling(name)]
+        near = similar_names(name, self._readers)
         near = near or difflib.get_close_matches(name, self._readers, n=3)
         near = near or list(self._readers)[:3]
         return f"no sequence {name!r} in this dataset; did you mean {' or '.join(near)}?"

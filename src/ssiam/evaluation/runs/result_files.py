@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.datasets import VideoSequence
-from ssiam.errors import ArgumentError, SsiamError, spelling
+from ssiam.errors import ArgumentError, SsiamError, similar_names
 from ssiam.evaluation.measures.trajectory import Status, TrackedSequence, Trajectory
 from ssiam.outputs import atomic_write, make_folder
 
@@ -321,7 +321,7 @@ def read_results(
 def _left_out(folder: Path, name: str, experiment: Experiment) -> str:
     """Why a sequence is left out, with the folder that was probably meant for it."""
     others = sorted(path.name for path in (folder / experiment).glob("*") if path.name != name)
-    same = [other for other in others if spelling(other) == spelling(name)]
+    same = similar_names(name, others)
     hint = f" (is {' or '.join(same)} meant? rename it and the files in it)" if same else ""
     return f"{folder}: no results for sequence {name}; it is left out{hint}"
 
