@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 
 from helpers.synthetic import generator, world
-from ssiam.geometry import frame_center, map_box, rigid
+from ssiam.geometry import corners_from_xywh, frame_center, map_box, rigid
+from ssiam.track import Track
 
 SIZE = (400, 300)
 SCENE = world(3, (800, 500))
@@ -56,3 +57,40 @@ def distance(box, other):
     """Distance of two boxes' centers, in target sizes."""
     (x, y, w, h), (u, v, p, q) = box, other
     return np.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2) / np.sqrt(p * q)
+
+
+class ScriptedTracker:
+    """Finds the target within `reach` of the search position; otherwise stays, with a low score.
+
+    `reach` is in target sizes.
+    """
+
+    can_seek, reseek_below = True, 0.0
+    reach = 1.5
+
+    def __init__(self, frames, truth):
+        """`truth` has the target's raw box in each frame, None where it is hidden."""
+        self._truth = {id(frame): box for frame, box in zip(frames, truth, strict=True)}
+
+    def init(self, view, xywh):
+        self._xywh = xywh
+
+    def track(self, view):
+        truth = self._truth[id(view.raw)]
+        visible = None if truth is None else map_box(view.stab_from_raw, truth)
+        if visible is None or distance(visible, self._xywh) >= self.reach:
+            self._xywh = self.position_without_target()
+            return self.result(0.02)
+        self._xywh = visible
+        return self.result(0.95)
+
+    def position_without_target(self):
+        return self._xywh
+
+    def result(self, score):
+        mask = np.ones((SIZE[1], SIZE[0]), bool)
+        return Track(self._xywh, score, False, corners_from_xywh(TARGET), mask)
+
+    def seek(self, view, xywh):
+        self._xywh = xywh
+        return self.track(view)

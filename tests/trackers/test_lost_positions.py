@@ -8,12 +8,13 @@ from helpers.tracker_scenes import (
     COVERED,
     OPEN,
     OTHER_SCENE,
+    ScriptedTracker,
     distance,
     filmed,
     shaking_pan,
     target_box,
 )
-from ssiam.geometry import map_box, rigid
+from ssiam.geometry import rigid
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 
@@ -22,31 +23,17 @@ PAN = (-110.0, 70.0)  # px, of the camera while the target is hidden
 FOUND_BY = HIDDEN[-1] + 35  # a search has tried all its positions several times
 
 
-class DriftingTracker:
-    """Finds the target near the search position; otherwise drifts by 6 pixels per frame."""
+class DriftingTracker(ScriptedTracker):
+    """Without the target it drifts by 6 pixels per frame."""
 
-    can_seek, reseek_below = True, 0.0
+    reach = 0.7
 
-    def __init__(self, frames, truth):
-        """`truth` has the target's box in each raw frame, None where it is hidden."""
-        self._truth = {id(frame): box for frame, box in zip(frames, truth, strict=True)}
-
-    def init(self, view, xywh):
-        self._xywh = xywh
-
-    def track(self, view):
-        truth = self._truth[id(view.raw)]
-        visible = None if truth is None else map_box(view.stab_from_raw, truth)
-        if visible is not None and distance(visible, self._xywh) < 0.7:
-            self._xywh = visible
-            return Track(self._xywh, 0.95)
+    def position_without_target(self):
         x, y, w, h = self._xywh
-        self._xywh = x + 6, y - 3, w, h
-        return Track(self._xywh, 0.02)
+        return x + 6, y - 3, w, h
 
-    def seek(self, view, xywh):
-        self._xywh = xywh
-        return self.track(view)
+    def result(self, score):
+        return Track(self._xywh, score)
 
 
 def panned(path, shares):

@@ -12,8 +12,8 @@ from helpers.tracker_scenes import (
     OPEN,
     OTHER_SCENE,
     SCENE,
-    SIZE,
     TARGET,
+    ScriptedTracker,
     distance,
     filmed,
     shaking_pan,
@@ -21,37 +21,12 @@ from helpers.tracker_scenes import (
     textured,
     with_patch,
 )
-from ssiam.geometry import corners_from_xywh, map_box, rigid
+from ssiam.geometry import map_box, rigid
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 
 COUNT, HIDDEN = 110, range(40, 70)
 CONFIG = ssiam.StabilizerConfig()
-
-
-class ScriptedTracker:
-    """Finds the target near the search position; otherwise stays there, with a low score."""
-
-    can_seek, reseek_below = True, 0.0
-
-    def __init__(self, frames, truth):
-        """`truth` has the target's raw box in each frame, None where it is hidden."""
-        self._truth = {id(frame): box for frame, box in zip(frames, truth, strict=True)}
-
-    def init(self, view, xywh):
-        self._xywh = xywh
-
-    def track(self, view):
-        truth = self._truth[id(view.raw)]
-        visible = None if truth is None else map_box(view.stab_from_raw, truth)
-        found = visible is not None and distance(visible, self._xywh) < 1.5
-        self._xywh = visible if found else self._xywh
-        mask = np.ones((SIZE[1], SIZE[0]), bool)
-        return Track(self._xywh, 0.95 if found else 0.02, False, corners_from_xywh(TARGET), mask)
-
-    def seek(self, view, xywh):
-        self._xywh = xywh
-        return self.track(view)
 
 
 class DistractedTracker(ScriptedTracker):
