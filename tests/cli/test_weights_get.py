@@ -1,5 +1,6 @@
 """`ssiam weights get`: from an address to a tracker, or to the place where a person gets it."""
 
+import hashlib
 import sys
 from dataclasses import replace
 
@@ -8,8 +9,14 @@ import pytest
 import ssiam
 from helpers.file_server import serve
 from ssiam.cli import main
+from ssiam.errors import ArgumentError
 from ssiam.runtime import MODEL_ZOO, download
 from ssiam.runtime.files import sha256
+from ssiam.runtime.model_zoo import OTHER_WEIGHTS
+
+
+def digest(content):
+    return hashlib.sha256(content).hexdigest()
 
 
 @pytest.fixture(autouse=True)
@@ -69,3 +76,42 @@ def test_what_cannot_be_downloaded_is_named(name, words, monkeypatch, capsys):
     error = capsys.readouterr().err
     assert all(word in error for word in words)
     assert error.count("\n") == 1
+
+
+def test_weights_that_no_tracker_runs_are_stored_with_what_they_are_for(
+    store, tmp_path, monkeypatch, capsys
+):
+    first, second = b"template" * 1000, b"search" * 2000
+    published = OTHER_WEIGHTS["fear_xs"]
+    with serve(first) as (one, _), serve(second) as (two, _):
+        files = tuple(
+            replace(file, address=address, size=len(content), sha256=digest(content))
+            for file, address, content in zip(
+                published.files, (one, two), (first, second), strict=True
+            )
+        )
+        monkeypatch.setitem(OTHER_WEIGHTS, "fear_xs", replace(published, files=files))
+        assert main(["weights", "get", "fear_xs", "--folder", "mine"]) == 0
+    assert f"stored in mine/fear_xs, license MIT; use: {published.use}" in capsys.readouterr().out
+    stored = {path.name: path.read_bytes() for path in (tmp_path / "mine/fear_xs").iterdir()}
+    assert stored == {"TrackerInit.mlmodel": first, "Tracker.mlmodel": second}
+    assert main(["weights", "list", "--folder", "mine"]) == 0
+    assert "fear_xs: mine/fear_xs (Core ML)" in capsys.readouterr().out
+    assert main(["weights", "get", "fear_xs", "--folder", "mine"]) == 0
+    assert "nothing to do" in capsys.readouterr().out
+    with pytest.raises(ArgumentError, match="unknown tracker 'fear_xs'"):
+        ssiam.load_tracker("fear_xs")
+
+
+@pytest.mark.parametrize("has_terminal", [True, False])
+def test_progress_is_shown_on_terminals(has_terminal, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("TTY_COMPATIBLE", str(int(has_terminal)))
+    monkeypatch.setenv("COLUMNS", "120")
+    published = OTHER_WEIGHTS["vittrack"]
+    with serve(b"x" * 3000, pause=0.2) as (address, _):
+        files = (replace(published.files[0], address=address, size=3000, sha256=None),)
+        monkeypatch.setitem(OTHER_WEIGHTS, "vittrack", replace(published, files=files))
+        assert main(["weights", "get", "vittrack"]) == 0
+    error = capsys.readouterr().err
+    assert ("/3.0 kB" in error) == has_terminal
+    assert bool(error) == has_terminal

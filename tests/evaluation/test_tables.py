@@ -211,6 +211,7 @@ def test_rows_without_results_name_weights_data_or_run(vot, tmp_path, monkeypatc
     found = summarize(out, open_dataset(data))
     assert row_of(table1(found), "S-SiamFC")["missing"] == "weights of siamfc"
     (tmp_path / "weights" / "siamfc").mkdir(parents=True)
+    (tmp_path / "weights" / "siamfc" / "network.json").touch()
     assert row_of(table1(found), "S-SiamFC")["missing"] == "run of --preset table1"
     printed = {each.title[:7]: each for each in printed_tables([table1(found)], {2018})}
     assert list(printed) == ["Table 1", "Table 2", "Table 3"]
@@ -220,7 +221,8 @@ def test_rows_without_results_name_weights_data_or_run(vot, tmp_path, monkeypatc
     dataset, weights = how_to_get([missing, ""])
     assert "votchallenge.net" in dataset
     assert "github.com/STVIR/pysot" in weights
-    assert "ssiam weights import FILE --tracker siamrpn_r50_l234_dwxcorr" in weights
+    assert "ssiam weights import model.pth --tracker siamrpn_r50_l234_dwxcorr" in weights
+    assert how_to_get(["weights of siamfc"]) == ["weights of siamfc: ssiam weights get siamfc"]
 
 
 def test_without_results_of_vot_all_four_tables_are_printed():

@@ -55,8 +55,12 @@ def test_bad_weights_are_named(tmp_path, backbone, head, message):
 def test_missing_weights():
     with pytest.raises(ssiam.WeightsError, match="nowhere do not exist"):
         ssiam.load_tracker("nanotrack_v1", weights="nowhere")
-    with pytest.raises(ssiam.WeightsError, match="nanotrack_v1 needs weights"):
+    needed = "nanotrack_v1 needs weights: ssiam weights get nanotrack_v1;"
+    with pytest.raises(ssiam.WeightsError, match=needed):
         ssiam.load_tracker("nanotrack_v1")
+    needed = r"then: ssiam weights import model\.pth --tracker siammask_e"
+    with pytest.raises(ssiam.WeightsError, match=needed):
+        ssiam.load_tracker("siammask_e")
     with pytest.raises(ssiam.WeightsError, match="csrt has no weights"):
         ssiam.load_tracker("csrt", weights="nowhere")
 

@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Final, Literal
 from urllib.parse import urlsplit
 
 from cyclopts import App, Parameter
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+    TransferSpeedColumn,
+)
 
 from ssiam.errors import ArgumentError, WeightsError, check_choice
 from ssiam.geometry import Image
 from ssiam.outputs import NamedPath, check_distinct, make_folder
 from ssiam.runtime import MODEL_ZOO, PublishedWeights
-from ssiam.runtime.download import download
+from ssiam.runtime.download import ReceivedBytes, download
 from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest
-from ssiam.runtime.model_zoo import PublishedFile
+from ssiam.runtime.model_zoo import OTHER_WEIGHTS, PublishedFile, how_to_get_weights
 from ssiam.trackers import registry
-from ssiam.trackers.weight_imports import import_weights
+from ssiam.trackers.weight_imports import copy_files, import_weights
 from ssiam.video.source_files import check_distinct_from_source
 
 _PIECES: Final = ("template", "search", "refine", "mask")  # a network has some of them
@@ -43,36 +54,40 @@ def show(*, folder: Path | None = None) -> None:
     print("lite: included in the package")
     folders = registry.weights_folders() if folder is None else (folder,)
     for tracker, publication in MODEL_ZOO.items():
-        found = registry.find_weights(publication, folders)
-        print(f"{tracker}: {'not available' if found is None else _description(found)}")
-        print(f"  published: {publication.file} at {publication.source}")
-        print(f"  size {publication.size}, license {publication.license}")
-        for line in _digests(publication, found):
-            print(f"  {line}")
+        _print_publication(tracker, publication, registry.find_weights(publication, folders))
+    print("Without a tracker that runs them:")
+    for name, publication in OTHER_WEIGHTS.items():
+        _print_publication(name, publication, registry.find_weights(publication, folders))
+        print(f"  use: {publication.use}")
+
+
+def _print_publication(name: str, publication: PublishedWeights, found: Path | None) -> None:
+    print(f"{name}: {'not available' if found is None else _description(found)}")
+    print(f"  published: {publication.file} at {publication.source}")
+    print(f"  size {publication.size}, license {publication.license}")
+    for line in _digests(publication, found):
+        print(f"  {line}")
 
 
 @weights.command(name="get")
 def get(name: str, /, *, folder: Path | None = None) -> None:
     """Download weights that their authors publish at a direct address, and import them.
 
-    An interrupted download continues where it stopped. Size and SHA-256 are checked where the
-    authors state them. Proxies are those of the environment (https_proxy). Nothing in the files is
-    run.
+    An interrupted download continues where it stopped. Size and SHA-256 are checked where they are
+    known. Proxies are those of the environment (https_proxy). Nothing in the files is run.
 
     Parameters
     ----------
     name
-        The tracker: nanotrack_..., siammask_..., siamfc (needs gdown, for Google Drive).
+        The tracker: nanotrack_..., siammask_..., siamfc (needs gdown, for Google Drive). Also
+        vittrack and fear_xs, which no tracker of ssiam runs: their files are only stored.
     folder
         Folder to store them in. By default the folder weights in the user's cache folder.
     """
-    published = MODEL_ZOO[check_choice("tracker with weights", name, tuple(MODEL_ZOO))]
+    known = {**MODEL_ZOO, **OTHER_WEIGHTS}
+    published = known[check_choice("tracker with weights", name, tuple(known))]
     if not published.files:
-        raise WeightsError(
-            f"{name}: its authors publish {published.file} without a direct address, at "
-            f"{published.source}; get it there, then: ssiam weights import {published.file} "
-            f"--tracker {name}"
-        )
+        raise WeightsError(f"{name}: there is no direct address; {how_to_get_weights(name)}")
     store = folder or cache_folder() / "weights"
     found = registry.find_weights(published, [store])
     if found is not None:
@@ -83,19 +98,25 @@ def get(name: str, /, *, folder: Path | None = None) -> None:
         if not (arrived / file.name).is_file():
             _download(file, arrived)
         print(f"{file.address}: {(arrived / file.name).stat().st_size} bytes")
-    source = arrived if len(published.files) > 1 else arrived / published.files[0].name
     try:
-        stored = import_weights(source, name, folder)
+        if name in OTHER_WEIGHTS:
+            target = store / published.folder
+            copy_files([arrived / file.name for file in published.files], target)
+            print(f"stored in {target}, license {published.license}; use: {published.use}")
+        else:
+            source = arrived if len(published.files) > 1 else arrived / published.files[0].name
+            stored = import_weights(source, name, folder)
+            print(f"stored in {stored.folder} for {name}, license {published.license}")
     except WeightsError:
         shutil.rmtree(arrived, ignore_errors=True)  # so that the next call downloads it again
         raise
     shutil.rmtree(arrived, ignore_errors=True)
-    print(f"stored in {stored.folder} for {name}, license {published.license}")
 
 
 def _download(file: PublishedFile, folder: Path) -> None:
     if urlsplit(file.address).hostname != "drive.google.com":
-        download(file, folder)
+        with _progress_bar(file) as progress:
+            download(file, folder, progress)
         return
     try:
         import gdown
@@ -109,6 +130,29 @@ def _download(file: PublishedFile, folder: Path) -> None:
     if gdown.download(file.address, str(part), quiet=True, resume=True) is None:
         raise WeightsError(f"{file.address}: gdown brought no file; get {file.name} there")
     part.replace(folder / file.name)
+
+
+@contextmanager
+def _progress_bar(file: PublishedFile) -> Iterator[ReceivedBytes]:
+    """A progress bar on standard error, if that is a terminal."""
+    console = Console(file=sys.stderr)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as progress_bar:
+        task = progress_bar.add_task(file.name, total=file.size)
+
+        def show(received: int, total: int | None) -> None:
+            progress_bar.update(task, completed=received, total=total)
+
+        yield show
 
 
 @weights.command(name="import")
@@ -220,6 +264,8 @@ def _description(folder: Path) -> str:
         kinds.append(f"ONNX {Manifest.read(folder).precision}")
     elif any(folder.glob("*.onnx")):
         kinds.append("ONNX")
+    elif any(folder.glob("*.mlmodel")):
+        kinds.append("Core ML")
     return f"{folder} ({', '.join(kinds) or 'empty'})"
 
 

@@ -11,7 +11,7 @@ import urllib.request
 from collections.abc import Callable
 from email.message import Message
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, TypeAlias
 from urllib.parse import urlsplit
 
 from ssiam.errors import WeightsError, one_line
@@ -19,7 +19,7 @@ from ssiam.outputs import make_folder, output_error
 from ssiam.runtime.files import sha256
 from ssiam.runtime.model_zoo import PublishedFile
 
-__all__ = ["download"]
+__all__ = ["ReceivedBytes", "download"]
 
 _TIMEOUT: Final = 30.0  # seconds without a byte, after which a connection counts as cut
 _ATTEMPTS: Final = 5  # in a row that bring no byte
@@ -27,11 +27,11 @@ _WAIT: Final = 0.5  # seconds before the next attempt, doubled after each
 _CHUNK: Final = 1 << 16  # bytes
 _MAX_BYTES: Final = 2**31  # of a file whose size is not known
 
-Progress = Callable[[int, "int | None"], None]
+ReceivedBytes: TypeAlias = Callable[[int, "int | None"], None]
 """Called with the received and the expected number of bytes, None if that is not known."""
 
 
-def download(file: PublishedFile, folder: Path, progress: Progress | None = None) -> Path:
+def download(file: PublishedFile, folder: Path, progress: ReceivedBytes | None = None) -> Path:
     """Download a file into a folder; nothing in it is run.
 
     Bytes grow in ``NAME.part``, from which a later call continues if the server still has the same
@@ -85,7 +85,7 @@ def download(file: PublishedFile, folder: Path, progress: Progress | None = None
 class _Transfer:
     """One file on its way: its part, and the server's tag of what the part belongs to."""
 
-    def __init__(self, file: PublishedFile, part: Path, progress: Progress | None) -> None:
+    def __init__(self, file: PublishedFile, part: Path, progress: ReceivedBytes | None) -> None:
         self.file, self.part, self._progress = file, part, progress
         self.tag = part.with_name(f"{part.name}.tag")
         self.is_complete = False

@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["MODEL_ZOO", "PublishedFile", "PublishedWeights"]
+__all__ = [
+    "MODEL_ZOO",
+    "OTHER_WEIGHTS",
+    "PublishedFile",
+    "PublishedWeights",
+    "how_to_get_weights",
+]
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,8 @@ class PublishedWeights:
         The files, if they have direct addresses.
     authors_folders : tuple of str
         Other names of the folder: those in the authors' repositories.
+    use : str
+        What the files are for, if no tracker of this package runs them.
     """
 
     network: str
@@ -65,9 +73,18 @@ class PublishedWeights:
     size: str = "unknown"
     files: tuple[PublishedFile, ...] = ()
     authors_folders: tuple[str, ...] = ()
+    use: str = ""
 
 
-_PYSOT: Final = "github.com/STVIR/pysot, MODEL_ZOO.md (Google Drive, Baidu)"
+_DRIVE_FOLDER: Final = "https://drive.google.com/drive/folders/"
+# Folders of pysot's MODEL_ZOO.md on Google Drive, by network; each has a model.pth.
+_PYSOT: Final = {
+    "siamrpn_alex_dwxcorr": "1t62x56Jl7baUzPTo0QrC4jJnwvPZm-2m",
+    "siamrpn_mobilev2_l234_dwxcorr": "1JB94pZTvB1ZByU-qSJn4ZAIfjLWE5EBJ",
+    "siamrpn_r50_l234_dwxcorr": "1Q4-1563iPwV6wSf_lBHDj5CPFiGSlEPG",
+    "siamrpn_r50_l234_dwxcorr_otb": "1Cx_oHu6o0gNeH7F9zZrgevfAGdyWC4D5",
+    "siammask_r50_l3": "1YbPUQVTYw_slAvk_DchvRY-7B6rnSXP9",
+}
 _OXFORD: Final = "http://www.robots.ox.ac.uk/~qwang/"
 # The repository as of 2023-10-26. Sizes and digests are those of the files in this commit.
 _SIAMTRACKERS: Final = (
@@ -79,10 +96,22 @@ _SIAMFC: Final = (
     "github.com/huanglianghua/siamfc-pytorch (Google Drive 1UdxuBQ1qtisoWYFZxLgMFJ9mJtGVw6n4)"
 )
 _SIAMMASK: Final = "siammask_r50_l3"
+# The commit that OpenCV's samples/python/tracker.py names. Size and digest are those of its Git LFS
+# pointer.
+_OPENCV_ZOO: Final = (
+    "https://github.com/opencv/opencv_zoo/raw/fef72f8fa7c52eaf116d3df358d24e6e959ada0e/"
+    "models/object_tracking_vittrack/"
+)
+# The repository as of 2024-06-04. Sizes and digests are those of the files in this commit.
+_FEAR: Final = (
+    "https://raw.githubusercontent.com/PinataFarms/FEARTracker/"
+    "0a3bd039918909c79c1b7e55a4bfb7807520abde/evaluate/FEARDemo/FEARDemo/"
+)
 
 
 def _pysot(network: str) -> PublishedWeights:
-    return PublishedWeights(network, _PYSOT, "model.pth", "CC BY-SA 3.0", network)
+    source = f"{_DRIVE_FOLDER}{_PYSOT[network]} (github.com/STVIR/pysot, MODEL_ZOO.md)"
+    return PublishedWeights(network, source, "model.pth", "CC BY-SA 3.0", network)
 
 
 def _oxford(tracker: str, file: str) -> PublishedWeights:
@@ -162,3 +191,61 @@ MODEL_ZOO: Final[dict[str, PublishedWeights]] = {
     "siammask_davis": _oxford("siammask_davis", "SiamMask_DAVIS.pth"),
 }
 """Published weights by the name of the tracker that uses them."""
+
+OTHER_WEIGHTS: Final[dict[str, PublishedWeights]] = {
+    "vittrack": PublishedWeights(
+        "vittrack",
+        "github.com/opencv/opencv_zoo",
+        "object_tracking_vittrack_2023sep.onnx",
+        "Apache-2.0",
+        "vittrack",
+        "714726 bytes",
+        (
+            PublishedFile(
+                "object_tracking_vittrack_2023sep.onnx",
+                f"{_OPENCV_ZOO}object_tracking_vittrack_2023sep.onnx",
+                714726,
+                "2990f0b7cd44d92afa48cd97db6de7be113fc1d9594fddb74e2725c10478e91d",
+            ),
+        ),
+        use="OpenCV's cv2.TrackerVit",
+    ),
+    "fear_xs": PublishedWeights(
+        "fear_xs",
+        "github.com/PinataFarms/FEARTracker",
+        "two Core ML files",
+        "MIT",
+        "fear_xs",
+        "4235685 bytes",
+        (
+            PublishedFile(
+                "TrackerInit.mlmodel",
+                f"{_FEAR}TrackerInit.mlmodel",
+                1529755,
+                "4e14305e2f35fd8d48da86d0b1bc81d174cd2b3984bfc0a3aefae5bdd47fb44d",
+            ),
+            PublishedFile(
+                "Tracker.mlmodel",
+                f"{_FEAR}Tracker.mlmodel",
+                2705930,
+                "2c01e12ee22f4effcbe0b4d68120b5ff99929c46280c0b9dca0c46230b7de47f",
+            ),
+        ),
+        use=(
+            "a teacher of ssiam train, which reads them as ONNX: convert them to "
+            "fear_template.onnx and fear_search.onnx"
+        ),
+    ),
+}
+"""Published weights that no tracker of this package runs."""
+
+
+def how_to_get_weights(tracker: str) -> str:
+    """The command that brings the weights of a tracker, and what it needs."""
+    published = MODEL_ZOO[tracker]
+    if published.files:
+        return f"ssiam weights get {tracker}"
+    return (
+        f"get {published.file} at {published.source}, then: ssiam weights import "
+        f"{published.file} --tracker {tracker}"
+    )

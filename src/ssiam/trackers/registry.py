@@ -16,6 +16,7 @@ from ssiam.runtime import (
     RuntimeName,
     RuntimeOptions,
 )
+from ssiam.runtime.model_zoo import how_to_get_weights
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers import siammask, siamrpn
 from ssiam.trackers.base import ViewTracker
@@ -153,13 +154,10 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     """`weights`, or those that were imported for the tracker; `WeightsError` if there are none."""
     if weights is not None:
         return weights
-    published = MODEL_ZOO[name]
-    imported = imported_weights(published)
+    imported = imported_weights(MODEL_ZOO[name])
     if imported is None:
-        raise WeightsError(
-            f"tracker {name} needs weights: its authors publish {published.file} at "
-            f"{published.source}; give its path"
-        )
+        command = how_to_get_weights(name)
+        raise WeightsError(f"tracker {name} needs weights: {command}; or give their path")
     return imported
 
 
@@ -186,10 +184,10 @@ def imported_weights(published: PublishedWeights) -> Path | None:
 
 
 def find_weights(published: PublishedWeights, folders: Iterable[Path]) -> Path | None:
-    """The first folder of published weights in `folders`; None if there is none."""
+    """The first folder of published weights in `folders` that is not empty; None without any."""
     names = (published.folder, *published.authors_folders)
     found = (folder / name for folder in folders for name in names)
-    return next((path for path in found if path.is_dir()), None)
+    return next((path for path in found if path.is_dir() and any(path.iterdir())), None)
 
 
 def weights_folders() -> tuple[Path, ...]:

@@ -153,9 +153,9 @@ def _store(file: Path, network: str, name: str, target: Path, replace: bool) -> 
         _check_not_others(file, target)
     if exported is not None:
         pieces = [exported / f"{piece}.onnx" for piece in Manifest.read(exported).pieces]
-        _copy_files([*pieces, exported / MANIFEST_FILE], target)
+        copy_files([*pieces, exported / MANIFEST_FILE], target)
     elif network.startswith("nanotrack"):
-        _copy_files(onnx_pair(file), target)
+        copy_files(onnx_pair(file), target)
     else:
         from ssiam.runtime.export import export_network
 
@@ -163,7 +163,7 @@ def _store(file: Path, network: str, name: str, target: Path, replace: bool) -> 
         outputs = [("--folder", target), *(("--folder", target / each) for each in names)]
         check_distinct(outputs, [("the weights", file)])
         export_network(file, target, name=name, network=network)
-        _copy_files([file], target, f"{network}.pth")
+        copy_files([file], target, f"{network}.pth")
 
 
 def _check_not_others(file: Path, target: Path) -> None:
@@ -190,8 +190,14 @@ def _origin(path: Path) -> str | None:
         return None
 
 
-def _copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
-    """Copy files into a folder; existing ones are replaced after all copies are complete."""
+def copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> None:
+    """Copy files into a folder; existing ones are replaced after all copies are complete.
+
+    Raises
+    ------
+    SinkError
+        The folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from ssiam.evaluation.paper.presets import PresetName
 from ssiam.runtime import MODEL_ZOO
+from ssiam.runtime.model_zoo import how_to_get_weights
 from ssiam.trackers.registry import imported_weights
 
 
@@ -32,11 +33,7 @@ def how_to_get(missing: Iterable[str]) -> list[str]:
 def _source(needed: str) -> str:
     tracker = needed.removeprefix("weights of ")
     if tracker in MODEL_ZOO:
-        published = MODEL_ZOO[tracker]
-        return (
-            f"its authors publish {published.file} at {published.source}; then "
-            f"ssiam weights import FILE --tracker {tracker}"
-        )
+        return how_to_get_weights(tracker)
     if needed.startswith("run of "):
         return f"ssiam bench DATASET --out RESULTS {needed.removeprefix('run of ')}"
     return "download it from votchallenge.net, run ssiam bench on it, and give it as --dataset too"

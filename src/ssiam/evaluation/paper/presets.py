@@ -12,7 +12,8 @@ from ssiam.evaluation.measures.eao import known_year
 from ssiam.evaluation.paper.published import ABLATION_YEAR, PAPER_TRACKERS
 from ssiam.evaluation.runs.entries import DEFAULT_OPTIONS, Entry, options_for
 from ssiam.motion import KEYPOINTS
-from ssiam.runtime import MODEL_ZOO, RuntimeOptions
+from ssiam.runtime import RuntimeOptions
+from ssiam.runtime.model_zoo import how_to_get_weights
 from ssiam.stabilize import StabilizerConfig
 from ssiam.trackers import TRACKERS, weights_path
 
@@ -125,11 +126,7 @@ def preset(
 def _missing_tracker(title: str, name: str, has_weights: bool) -> str:
     if has_weights:
         return f"{title}: its weights are here; add {name} to --trackers"
-    published = MODEL_ZOO[name]
-    return (
-        f"{title}: get {published.file} at {published.source}, then: ssiam weights import "
-        f"{published.file} --tracker {name}"
-    )
+    return f"{title}: {how_to_get_weights(name)}"
 
 
 def _missing_data(table: PresetName, years: set[int | None]) -> list[str]:
