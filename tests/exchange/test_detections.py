@@ -1,4 +1,4 @@
-"""Tracks as supervision's detections, with the real supervision if it is installed."""
+"""Tracks as supervision's detections, with the real supervision."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import supervision
 
 from ssiam.errors import ArgumentError, MissingExtraError
 from ssiam.exchange import to_detections
@@ -19,13 +20,6 @@ PLAIN = Track((1.0, 2.0, 30.0, 40.0), score=0.75)
 ROTATED = Track((15.0, 10.0, 25.0, 20.0), score=0.5, corners=CORNERS, mask=MASK)
 LOST = Track((5.0, 6.0, 7.0, 8.0), score=0.1, lost=True)
 NOT_FINITE = Track((float("nan"), 6.0, 7.0, 8.0))
-
-
-@pytest.fixture
-def supervision():
-    return pytest.importorskip(
-        "supervision", reason="supervision is not installed: pip install 'supervision>=0.30'"
-    )
 
 
 def test_lost_targets_are_omitted():
@@ -81,7 +75,7 @@ def test_missing_supervision_is_named(monkeypatch):
         pytest.param([LOST], 0, id="none"),
     ],
 )
-def test_supervision_accepts_the_fields(supervision, tracks, count):
+def test_supervision_accepts_the_fields(tracks, count):
     detections = to_detections(tracks)
     assert isinstance(detections, supervision.Detections)
     assert len(detections) == count
@@ -89,7 +83,7 @@ def test_supervision_accepts_the_fields(supervision, tracks, count):
     assert len(detections[detections.confidence > 0.6]) == (PLAIN in tracks)
 
 
-def test_supervision_draws_the_boxes(supervision):
+def test_supervision_draws_the_boxes():
     detections = to_detections([PLAIN, ROTATED], ids=[4, 7])
     by_track = {"color_lookup": supervision.ColorLookup.TRACK, "thickness": 1}
     for annotator in (supervision.BoxAnnotator, supervision.OrientedBoxAnnotator):
