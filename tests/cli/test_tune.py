@@ -18,7 +18,10 @@ def dataset(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def arguments(dataset):
-    return ["tune", str(dataset), "--trackers", "kcf", "--parameter", "thx2=2:40"]
+    return [
+        *("tune", str(dataset), "--trackers", "kcf"),
+        *("--stabilize", "paper", "--parameter", "thx2=2:40"),
+    ]
 
 
 def test_best_options_are_accepted_by_track(dataset, arguments, tmp_path, capsys):
@@ -27,9 +30,32 @@ def test_best_options_are_accepted_by_track(dataset, arguments, tmp_path, capsys
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines[:4]] == ["trial 1", "trial 2", "trial 3", "best"]
     source = str(dataset / "clip0" / "img")
-    line = lines[-1].replace("SOURCE", source).replace("X,Y,W,H", "20,40,28,22")
+    assert lines[-1] == "chosen on clip0, clip1: measure it on other sequences than these 2"
+    line = lines[-2].replace("SOURCE", source).replace("X,Y,W,H", "20,40,28,22")
     _, *words = shlex.split(line)
     assert main([*words, "--results", str(tmp_path / "r.csv")]) == 0
+
+
+def test_the_default_method_is_searched_by_default(dataset, tmp_path, capsys):
+    words = ["tune", str(dataset), "--trackers", "kcf", "--out", str(tmp_path), "--trials", "2"]
+    assert main(words) == 0
+    first, second, *_, line, _ = capsys.readouterr().out.splitlines()
+    assert first.endswith("--stabilize predict")
+    for name in ("memory", "smoothing", "margin"):
+        assert f"--{name} " in second
+    assert "--stabilize predict" in line
+    assert main([*words, "--stabilize", "paper"]) == 2
+    assert "other parameters and stabilize; give another --out" in capsys.readouterr().err
+
+
+def test_switches_are_options_of_track(dataset, tmp_path, capsys):
+    words = ["tune", str(dataset), "--trackers", "kcf", "--out", str(tmp_path), "--trials", "1"]
+    assert main([*words, "--parameter", "turn=false", "--parameter", "find=false"]) == 0
+    line = capsys.readouterr().out.splitlines()[-2]
+    assert line.endswith("--stabilize predict --no-turn --no-find")
+    source = str(dataset / "clip0" / "img")
+    line = line.replace("SOURCE", source).replace("X,Y,W,H", "20,40,28,22")
+    assert main([*shlex.split(line)[1:], "--results", str(tmp_path / "r.csv")]) == 0
 
 
 def test_killed_search_is_resumed(arguments, tmp_path, capsys):
@@ -60,6 +86,9 @@ def test_killed_search_is_resumed(arguments, tmp_path, capsys):
             id="parameter given twice",
         ),
         pytest.param(["--parameter", "what=1:2"], "what", id="unknown parameter"),
+        pytest.param(
+            ["--parameter", "margin=0:1"], "not a setting of paper", id="setting of another method"
+        ),
         pytest.param(["--weights", "here"], "here", id="weights without a name"),
         pytest.param(["--trackers", "nanotrack_v3"], "needs weights", id="no weights"),
     ],
@@ -91,12 +120,13 @@ def test_failed_run_stops_the_trial_after_its_other_runs(tmp_path, capsys):
     broken = data / "clip0" / "img" / "0002.jpg"
     content = broken.read_bytes()
     broken.write_bytes(b"")
-    words = ["tune", str(data), "--trackers", "kcf", "--parameter", "thx2=2:40", "--trials", "2"]
+    words = ["tune", str(data), "--trackers", "kcf", "--parameter", "memory=0:0.9"]
+    words += ["--trials", "2"]
     words += ["--out", str(tmp_path / "out")]
     assert main(words) == 3
     error = capsys.readouterr().err
     assert "1 of the 3 runs of a trial failed" in error
-    assert "kcf-paper on clip0" in error
+    assert "kcf-predict on clip0" in error
     assert len(list((tmp_path / "out").rglob("*_001.txt"))) == 2
     broken.write_bytes(content)
     assert main(words) == 0

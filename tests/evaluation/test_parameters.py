@@ -4,10 +4,10 @@ import pytest
 
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.parameters import (
-    TABLE_3,
+    SEARCH_SPACES,
     Parameter,
-    paper_config,
-    paper_values,
+    default_values,
+    searched_config,
     track_flags,
 )
 from ssiam.stabilize import StabilizerConfig
@@ -21,6 +21,8 @@ from ssiam.stabilize import StabilizerConfig
         ("tha=0.05:0.3", Parameter("tha", 0.05, 0.3, 0.01)),
         ("window=5:60", Parameter("window", 5, 60, 1)),
         ("keypoints=orb, direct", Parameter("keypoints", choices=("orb", "direct"))),
+        ("memory=0:0.95", Parameter("memory", 0, 0.95, 0.01)),
+        ("turn=true,false", Parameter("turn", choices=("true", "false"))),
     ],
 )
 def test_parameters_are_parsed(text, expected):
@@ -41,6 +43,8 @@ def test_parameters_are_parsed(text, expected):
         ("window=0:5", "window"),
         ("window=1.5:5", "whole"),
         ("keypoints=orb,magic", "magic"),
+        ("memory=0:1", "memory is 1.0"),
+        ("turn=0:1", "unknown turn '0:1'"),
     ],
 )
 def test_invalid_parameters_are_refused(text, named):
@@ -49,17 +53,33 @@ def test_invalid_parameters_are_refused(text, named):
 
 
 def test_thresholds_of_y_follow_x_unless_given():
-    assert paper_config({"thx1": 80.0}) == StabilizerConfig("paper").with_options(
+    assert searched_config("paper", {"thx1": 80.0}) == StabilizerConfig("paper").with_options(
         thx1=80.0, thy1=40.0
     )
-    free = paper_config({"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
+    free = searched_config("paper", {"thx1": 80.0, "thy1": 9.0, "tha": 0.30000000000000004})
     assert (free.paper.thx1, free.paper.thy1, free.paper.tha) == (80, 9, 0.3)
 
 
-def test_the_default_ranges_include_the_papers_values():
-    parameters = [Parameter.parse(text) for text in TABLE_3]
-    assert paper_config(paper_values(parameters)) == StabilizerConfig("paper")
-    assert paper_values([Parameter.parse("thx1=100:120")]) is None
+@pytest.mark.parametrize("method", SEARCH_SPACES)
+def test_the_default_ranges_include_the_default_values(method):
+    parameters = [Parameter.parse(text) for text in SEARCH_SPACES[method]]
+    values = default_values(method, parameters)
+    assert searched_config(method, values) == StabilizerConfig(method)
+
+
+def test_default_values_outside_of_a_range():
+    assert default_values("paper", [Parameter.parse("thx1=100:120")]) is None
+    assert default_values("predict", [Parameter.parse("turn=false")]) is None
+    assert default_values("predict", [Parameter.parse("turn=false,true")]) == {"turn": "true"}
+    assert default_values("predict", [Parameter.parse("keypoints=orb,direct")]) == {
+        "keypoints": "direct"
+    }
+
+
+def test_switches_are_settings_and_options_of_track():
+    config = searched_config("predict", {"turn": "false", "margin": 0.25, "speed": "true"})
+    assert config == StabilizerConfig().with_options(turn=False, margin=0.25)
+    assert track_flags(config) == "--stabilize predict --no-turn --margin 0.25"
 
 
 def test_flags_contain_changed_settings():

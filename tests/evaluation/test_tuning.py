@@ -1,18 +1,21 @@
 """Searches: same result after an interruption, and the optimum of a known cost."""
 
 import builtins
+import functools
 
 import pytest
 
 from helpers.shaky_dataset import write_dataset
 from ssiam.cli import main
-from ssiam.errors import MissingExtraError, SsiamError
+from ssiam.errors import ArgumentError, MissingExtraError, SsiamError
 from ssiam.evaluation import tuning
+from ssiam.evaluation.paper.summary import parse_label
 from ssiam.evaluation.parameters import Parameter
 from ssiam.evaluation.runs.bench import TaskResult
 from ssiam.evaluation.tuning import FinishedTrial, Search, TuningError, tune
 from ssiam.stabilize import StabilizerConfig
 
+paper_search = functools.partial(Search, stabilize="paper")
 SEARCHED = tuple(map(Parameter.parse, ("thx2=2:40", "tha=0.01:0.5", "keypoints=gftt,orb")))
 
 
@@ -24,7 +27,7 @@ def dataset(tmp_path_factory):
 @pytest.fixture(scope="module")
 def uninterrupted(dataset, tmp_path_factory):
     out = tmp_path_factory.mktemp("uninterrupted")
-    return list(tune(Search(dataset, ("kcf",), SEARCHED, out), 5))
+    return list(tune(paper_search(dataset, ("kcf",), SEARCHED, out), 5))
 
 
 def test_trials_are_numbered_and_the_first_has_the_papers_values(uninterrupted):
@@ -37,11 +40,11 @@ def test_trials_are_numbered_and_the_first_has_the_papers_values(uninterrupted):
 
 
 def test_a_new_search_gives_the_same_trials(dataset, tmp_path, uninterrupted):
-    assert list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 5)) == uninterrupted
+    assert list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path), 5)) == uninterrupted
 
 
 def test_another_seed_tries_other_values(dataset, tmp_path, uninterrupted):
-    other = list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path, seed=100), 2))
+    other = list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path, seed=100), 2))
     assert other[0] == uninterrupted[0]
     assert other[1].config != uninterrupted[1].config
 
@@ -50,7 +53,7 @@ def test_another_seed_tries_other_values(dataset, tmp_path, uninterrupted):
 def test_an_interrupted_search_gives_the_same_trials(
     dataset, tmp_path, uninterrupted, monkeypatch, trial
 ):
-    search = Search(dataset, ("kcf",), SEARCHED, tmp_path)
+    search = paper_search(dataset, ("kcf",), SEARCHED, tmp_path)
     run_all, ended = tuning.run_all, []
 
     def interrupted(todo, *arguments):
@@ -68,20 +71,46 @@ def test_an_interrupted_search_gives_the_same_trials(
 
 
 def test_a_search_in_several_calls_gives_the_same_trials(dataset, tmp_path, uninterrupted):
-    search = Search(dataset, ("kcf",), SEARCHED, tmp_path)
+    search = paper_search(dataset, ("kcf",), SEARCHED, tmp_path)
     assert list(tune(search, 2)) == uninterrupted[:2]
     assert list(tune(search, 2)) == uninterrupted[:2]
     assert list(tune(search, 5)) == uninterrupted
 
 
 def test_the_runs_are_those_of_bench(dataset, uninterrupted, tmp_path):
-    first = next(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
+    first = next(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
     assert first == uninterrupted[0]
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*_001.txt")}
     assert len(before) == 2
     assert main([*arguments, "--stabilize", "paper"]) == 0
     assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+def test_the_settings_of_predict_are_searched(dataset, tmp_path):
+    searched = tuple(map(Parameter.parse, ("margin=0:0.5", "turn=true,false", "memory=0:0.95")))
+    search = Search(dataset, ("kcf",), searched, tmp_path)
+    trials = list(tune(search, 4))
+    assert trials[0].config == StabilizerConfig()
+    assert len({each.config for each in trials}) == 4
+    assert {each.config.stabilize for each in trials} == {"predict"}
+    assert {each.config.paper for each in trials} == {StabilizerConfig().paper}
+    assert not all(each.config.predict.turn for each in trials)
+    labels = {path.name for path in tmp_path.iterdir() if path.is_dir()}
+    assert {parse_label(label) for label in labels} == {("kcf", each.config) for each in trials}
+    assert list(tune(Search(dataset, ("kcf",), searched, tmp_path), 4)) == trials
+
+
+@pytest.mark.parametrize(
+    ("method", "text", "named"),
+    [
+        ("predict", "thx1=20:120", "thx1=20:120: is not a setting of predict; .* paper to search"),
+        ("paper", "margin=0:0.5", "margin=0:0.5: is not a setting of paper; .* predict to search"),
+    ],
+)
+def test_settings_of_another_method_are_refused(dataset, tmp_path, method, text, named):
+    with pytest.raises(ArgumentError, match=named):
+        Search(dataset, ("kcf",), (Parameter.parse(text),), tmp_path, stabilize=method)
 
 
 def test_the_optimum_is_found(dataset, tmp_path, monkeypatch):
@@ -93,7 +122,7 @@ def test_the_optimum_is_found(dataset, tmp_path, monkeypatch):
 
     monkeypatch.setattr(tuning, "run_all", results)
     searched = (Parameter.parse("thx1=20:120"),)
-    best = min(tune(Search(dataset, ("kcf",), searched, tmp_path), 30), key=lambda t: t.cost)
+    best = min(tune(paper_search(dataset, ("kcf",), searched, tmp_path), 30), key=lambda t: t.cost)
     assert abs(best.config.paper.thx1 - 90) <= 5
     assert best.config.paper.thy1 == best.config.paper.thx1 / 2
 
@@ -115,7 +144,7 @@ def test_a_failed_run_is_an_error_and_its_trial_is_repeated(tmp_path, uninterrup
     broken = data / "clip1" / "img" / "0002.jpg"
     content = broken.read_bytes()
     broken.write_bytes(b"")
-    search = Search(data, ("kcf",), SEARCHED, tmp_path / "out")
+    search = paper_search(data, ("kcf",), SEARCHED, tmp_path / "out")
     with pytest.raises(TuningError, match=r"clip1.*0002\.jpg"):
         list(tune(search, 5))
     broken.write_bytes(content)
@@ -128,7 +157,7 @@ def test_a_failed_run_is_an_error_and_its_trial_is_repeated(tmp_path, uninterrup
 def test_a_damaged_study_is_an_error(dataset, tmp_path, content):
     (tmp_path / "study.db").write_bytes(content)
     with pytest.raises(TuningError, match=r"study\.db.*delete it") as caught:
-        list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
+        list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
     assert "\n" not in str(caught.value)
 
 
@@ -138,19 +167,20 @@ def test_a_damaged_study_is_an_error(dataset, tmp_path, content):
         pytest.param({"parameters": SEARCHED[:1]}, "parameters", id="parameters"),
         pytest.param({"trackers": ("mil",)}, "trackers", id="trackers"),
         pytest.param({"seed": 1}, "seed", id="seed"),
+        pytest.param({"stabilize": "literal"}, "stabilize", id="method"),
     ],
 )
 def test_another_search_in_the_same_folder_is_refused(dataset, tmp_path, other, named):
     same = {"trackers": ("kcf",), "parameters": SEARCHED, "out": tmp_path}
-    list(tune(Search(dataset, **same), 1))
+    list(tune(paper_search(dataset, **same), 1))
     with pytest.raises(TuningError, match=f"other {named}; give another --out"):
-        list(tune(Search(dataset, **{**same, **other}), 2))
+        list(tune(paper_search(dataset, **{**same, **other}), 2))
 
 
 def test_a_folder_that_cannot_be_created(dataset, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(SsiamError, match="file"):
-        list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path / "file" / "out"), 1))
+        list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path / "file" / "out"), 1))
 
 
 def test_missing_optuna_names_the_extra(dataset, tmp_path, monkeypatch):
@@ -163,4 +193,4 @@ def test_missing_optuna_names_the_extra(dataset, tmp_path, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MissingExtraError, match=r"ssiam\[bench\]"):
-        list(tune(Search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
+        list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path), 1))

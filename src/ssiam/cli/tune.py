@@ -24,6 +24,7 @@ def tune(
     *,
     trackers: str,
     out: Path,
+    stabilize: parameters.SearchedMethod = "predict",
     trials: int = 50,
     jobs: int = 1,
     weights: Annotated[list[str] | None, Parameter(negative=())] = None,
@@ -38,8 +39,9 @@ def tune(
 
     Each trial runs the trackers over the whole dataset, with a restart five frames after each
     loss. The best trial has the fewest lost targets and, among equals, the largest mean overlap.
-    The first trial uses the paper's parameters. After an interruption, start the same command
-    again to continue; increase --trials to extend the search.
+    The first trial uses the defaults of the method. After an interruption, start the same command
+    again to continue; increase --trials to extend the search. The sequences that choose do not
+    measure the result: take others for that.
 
     Parameters
     ----------
@@ -49,6 +51,8 @@ def tune(
         Comma-separated names of trackers; their lost targets are summed.
     out
         Folder for Optuna's study.db and the results of all runs.
+    stabilize
+        Method whose settings are searched.
     trials
         Number of trials, including those of earlier runs of this command.
     jobs
@@ -56,9 +60,10 @@ def tune(
     weights
         NAME=PATH: a tracker and the file or folder of its weights. Repeat for further trackers.
     parameter
-        Parameter to search, NAME=LOW:HIGH or NAME=WORD,WORD, such as thx1=20:120, window=5:60 or
-        keypoints=orb,direct. Repeat for further parameters. By default the thresholds of the
-        paper's Table 3: thx1=20:120, thx2=5:100 and tha=0.05:1. Unless they are searched
+        Parameter to search, NAME=LOW:HIGH or NAME=WORD,WORD, such as margin=0:0.5, turn=true,false
+        or keypoints=orb,direct. Repeat for further parameters. By default, for predict,
+        memory=0:0.95, smoothing=0:0.95 and margin=0:0.5; for paper and literal the thresholds of
+        the paper's Table 3, thx1=20:120, thx2=5:100 and tha=0.05:1. Unless they are searched
         themselves, thy1 and thy2 are half of thx1 and thx2.
     seed
         Random seed of the search.
@@ -79,7 +84,8 @@ def tune(
     if not names:
         raise ArgumentError(f"--trackers {trackers!r}: give at least one name")
     search_space = tuple(
-        parameters.Parameter.parse(text) for text in parameter or parameters.TABLE_3
+        parameters.Parameter.parse(text)
+        for text in parameter or parameters.SEARCH_SPACES[stabilize]
     )
     counts = Counter(each.name for each in search_space)
     for name, count in counts.items():
@@ -87,7 +93,7 @@ def tune(
             raise ArgumentError(f"--parameter {name} is given twice: give each name once")
     paths = parse_weights(weights or [])
     check_results_folder(out, [dataset], paths.values())
-    search = Search(dataset, names, search_space, out, paths, seed, options)
+    search = Search(dataset, names, search_space, out, paths, seed, options, stabilize)
     best: FinishedTrial | None = None
     for tried in tried_configs(search, trials, jobs):
         best = tried if best is None or tried.cost < best.cost else best
@@ -111,3 +117,5 @@ def _print_best(best: FinishedTrial, search: Search) -> None:
             for option, value in changed_runtime(options_for(name, search.options)).items()
         )
         print(f"  ssiam track SOURCE --box X,Y,W,H --tracker {name}{weights} {flags}{runtime}")
+    names = search.sequences
+    print(f"chosen on {', '.join(names)}: measure it on other sequences than these {len(names)}")

@@ -6,7 +6,7 @@ The search is stored in a file. After an interruption it is resumed, with the sa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +14,14 @@ from typing import Any, Final
 
 from ssiam.datasets import open_dataset
 from ssiam.errors import IncompleteError, MissingExtraError, SsiamError, check_choice
-from ssiam.evaluation.parameters import Parameter, is_whole, paper_config, paper_values
+from ssiam.evaluation.parameters import (
+    Parameter,
+    SearchedMethod,
+    check_method,
+    default_values,
+    is_whole,
+    searched_config,
+)
 from ssiam.evaluation.runs.bench import run_all, tasks
 from ssiam.evaluation.runs.entries import DEFAULT_OPTIONS, Entry, changed_runtime, options_for
 from ssiam.evaluation.runs.identity import Identity
@@ -26,6 +33,8 @@ from ssiam.trackers import TRACKERS
 _FILE: Final = "study.db"
 _NAME: Final = "ssiam"
 _PACKAGES: Final = ("optuna", "sqlalchemy")  # their exceptions become `TuningError`
+# What identifies a search, for studies of earlier versions, which do not say it.
+_EARLIER: Final[dict[str, Any]] = {"runtime": {}, "weights": {}, "stabilize": "paper"}
 
 
 class TuningError(SsiamError):
@@ -53,6 +62,13 @@ class Search:
         A search with the same seed tries the same values.
     options : RuntimeOptions
         How the networks run, and the threads of each run.
+    stabilize : {"predict", "paper", "literal"}
+        The method whose settings are searched.
+
+    Raises
+    ------
+    ArgumentError
+        The method does not read one of the parameters.
     """
 
     dataset: Path
@@ -62,6 +78,15 @@ class Search:
     weights: Mapping[str, Path] = field(default_factory=dict)
     seed: int = 0
     options: RuntimeOptions = DEFAULT_OPTIONS
+    stabilize: SearchedMethod = "predict"
+
+    def __post_init__(self) -> None:
+        check_method(self.parameters, self.stabilize)
+
+    @property
+    def sequences(self) -> tuple[str, ...]:
+        """Names of the sequences that choose; they must not report the result."""
+        return tuple(open_dataset(self.dataset).sequences)
 
 
 @dataclass(frozen=True)
@@ -97,11 +122,11 @@ class FinishedTrial:
 def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[FinishedTrial]:
     """Search until `trials` trials are finished, and yield each, those of earlier calls first.
 
-    The first trial uses the paper's values if the parameters allow them; Optuna's TPE chooses the
-    others. An interrupted search resumes where it stopped, and gives the same result as an
-    uninterrupted one, because the choice depends only on the seed and the finished trials. An
-    interrupted trial is repeated, except its finished runs. Only one process at a time may search
-    in a folder.
+    The first trial uses the method's defaults (for "paper" the paper's values) if the parameters
+    allow them; Optuna's TPE chooses the others. An interrupted search resumes where it stopped, and
+    gives the same result as an uninterrupted one, because the choice depends only on the seed and
+    the finished trials. An interrupted trial is repeated, except its finished runs. Only one
+    process at a time may search in a folder.
 
     Parameters
     ----------
@@ -126,10 +151,10 @@ def tune(search: Search, trials: int, jobs: int = 1) -> Iterator[FinishedTrial]:
     with _one_line_errors(path):
         study = _open_study(path, _identity(search))
         for number, done in enumerate(_complete_trials(study), 1):
-            yield _finished(number, done)
+            yield _finished(number, done, search.stabilize)
         while (count := len(_complete_trials(study))) < trials:
-            trial = _next_trial(study, search.parameters, search.seed)
-            config = paper_config(trial.params)
+            trial = _next_trial(study, search)
+            config = searched_config(search.stabilize, trial.params)
             lost, overlap = _measured(search, config, jobs)
             trial.set_user_attr("lost", lost)
             trial.set_user_attr("overlap", overlap)
@@ -143,10 +168,11 @@ def _identity(search: Search) -> dict[str, Any]:
     return {
         "trackers": list(search.trackers),
         "parameters": [str(each) for each in search.parameters],
-        "sequences": list(open_dataset(search.dataset).sequences),
+        "sequences": list(search.sequences),
         "seed": search.seed,
         "runtime": changed_runtime(search.options),
         "weights": _weights(search),
+        "stabilize": search.stabilize,
     }
 
 
@@ -190,10 +216,13 @@ def _measured(search: Search, config: StabilizerConfig, jobs: int) -> tuple[int,
     return sum(each.lost for each in results), mean
 
 
-def _finished(number: int, trial: Any) -> FinishedTrial:
+def _finished(number: int, trial: Any, method: SearchedMethod) -> FinishedTrial:
     attributes = trial.user_attrs
     return FinishedTrial(
-        number, paper_config(trial.params), attributes["lost"], attributes["overlap"]
+        number,
+        searched_config(method, trial.params),
+        attributes["lost"],
+        attributes["overlap"],
     )
 
 
@@ -219,7 +248,7 @@ def _open_study(path: Path, search: Mapping[str, Any]) -> Any:
     if not study.user_attrs:
         study.set_user_attr("search", dict(search))
     earlier = study.user_attrs["search"]
-    differing = [name for name in search if earlier.get(name, {}) != search[name]]
+    differing = [name for name in search if earlier.get(name, _EARLIER.get(name)) != search[name]]
     if differing:
         raise TuningError(
             f"{path}: belongs to a search with other {' and '.join(differing)}; give another --out"
@@ -236,8 +265,8 @@ def _complete_trials(study: Any) -> list[Any]:
     return list(study.get_trials(deepcopy=False, states=[TrialState.COMPLETE]))
 
 
-def _next_trial(study: Any, parameters: Sequence[Parameter], seed: int) -> Any:
-    """A trial with the paper's values if it is the first one, else with values chosen by TPE.
+def _next_trial(study: Any, search: Search) -> Any:
+    """A trial with the default values if it is the first one, else with values chosen by TPE.
 
     The sampler is seeded by the number of finished trials, so that an interruption does not change
     the trials that follow.
@@ -245,12 +274,12 @@ def _next_trial(study: Any, parameters: Sequence[Parameter], seed: int) -> Any:
     import optuna
 
     count = len(_complete_trials(study))
-    study.sampler = optuna.samplers.TPESampler(seed=seed + count)
-    first = paper_values(parameters)
+    study.sampler = optuna.samplers.TPESampler(seed=search.seed + count)
+    first = default_values(search.stabilize, search.parameters)
     waiting = study.get_trials(states=[optuna.trial.TrialState.WAITING])
     if count == 0 and first is not None and not waiting:
         study.enqueue_trial(first)
-    return study.ask({each.name: _distribution(each) for each in parameters})
+    return study.ask({each.name: _distribution(each) for each in search.parameters})
 
 
 @contextmanager
