@@ -41,6 +41,31 @@ def test_json_of_several_trackers_and_their_comparison(vot2018, tmp_path, capsys
     assert difference["accuracy"]["share_below_zero"] == 1
 
 
+def test_measures_that_no_sequence_has_are_not_compared(tmp_path, capsys):
+    """Accuracy leaves out the ten frames after a start, all of this sequence."""
+    data = dataset(tmp_path, lengths={"bag": 10})
+    for name in ("kcf-off", "kcf-paper"):
+        results(tmp_path / "all" / name, lengths={"bag": 10})
+    results(tmp_path / "all" / "z", lengths={"bag": 10})
+    assert run(tmp_path / "all", "--dataset", data, "--compare") == 0
+    captured = capsys.readouterr()
+    assert "kcf-paper minus kcf-off: no sequence has accuracy in both results" in captured.err
+    assert "+0.0" in captured.out
+    assert run(tmp_path / "all", "--dataset", data, "--compare", "--json") == 0
+    found = json.loads(capsys.readouterr().out)["comparison"]["kcf-paper"]
+    assert found["accuracy"] is None
+    assert found["lost"]["value"] == 0
+
+
+def test_results_of_different_sequences_are_not_compared(vot2018, tmp_path, capsys):
+    results(tmp_path / "all" / "a", lengths={"bag": 120})
+    results(tmp_path / "all" / "b", lengths={"crossing": 400})
+    assert run(tmp_path / "all", "--dataset", vot2018, "--compare") == 0
+    captured = capsys.readouterr()
+    assert "b minus a: no sequence has lost targets in both results" in captured.err
+    assert captured.out.count("│ b ") == 4
+
+
 def test_stabilized_runs_are_compared_with_the_tracker_alone(vot2018, tmp_path, capsys):
     both = "kcf-off", "kcf-paper-threads=2", "kcf-off-threads=2", "lite-off", "lite-predict"
     for name in (*both, "lite-paper-window=9", "theirs"):

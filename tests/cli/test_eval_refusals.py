@@ -27,6 +27,11 @@ REFUSED = [
     ("no results", ("missing", "--dataset", "VOT2018.json"), "missing: there is no such folder"),
     ("an empty folder", ("empty", "--dataset", "VOT2018.json"), "empty: neither it nor a folder"),
     ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: no results"),
+    (
+        "other experiment",
+        ("good", "--dataset", "VOT2018.json", "--experiment", "realtime"),
+        "SEQUENCE_001.txt; it has other runs: give --experiment baseline",
+    ),
     ("other sequences", ("others", "--dataset", "VOT2018.json"), "others: no results"),
     ("damaged", ("damaged", "--dataset", "VOT2018.json"), "bag_001.txt, line 2"),
     ("blank", ("blank", "--dataset", "VOT2018.json"), "bag_001.txt: is empty"),

@@ -18,10 +18,10 @@ def truth(length):
     return np.hstack([x, y, x + 40, y, x + 40, y + 30, x, y + 30])
 
 
-def dataset(folder, name="VOT2018", **changes):
+def dataset(folder, name="VOT2018", lengths=LENGTHS, **changes):
     """Write a dataset as pysot's JSON file, without images."""
     records = {}
-    for sequence, length in LENGTHS.items():
+    for sequence, length in lengths.items():
         boxes = truth(length).tolist()
         records[sequence] = {
             "video_dir": sequence,

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from cyclopts import Parameter
 from rich.console import Console
@@ -38,6 +38,12 @@ from ssiam.evaluation.runs.shaken_results import shaken_as
 
 Measured = TypeVar("Measured")
 
+_EXPERIMENT_OF_FOLDER: Final = {
+    "baseline": "baseline",
+    "realtime": "realtime",
+    "ope": "ope",
+    "unsupervised": "ope",
+}
 # Width of the tables if they do not go to a terminal, characters.
 _FILE_WIDTH = 120
 
@@ -102,6 +108,7 @@ def evaluate(
     for each in reports:
         _warn(each.notes)
     comparisons = compared(reports) if compare and len(reports) > 1 else []
+    _warn([line for each in comparisons for line in _incomparable(each)])
     if json_output:
         print(json.dumps(_document(reports, comparisons, len(folders) == 1), allow_nan=False))
     else:
@@ -116,6 +123,16 @@ def _no_eao(dataset: str) -> str:
         f"{dataset}: no EAO, which averages over the sequence lengths of a year of VOT ({years}) "
         "and the name contains none of them; give --year to use one of these"
     )
+
+
+def _incomparable(comparison: Comparison) -> list[str]:
+    """A line for each measure that no sequence has in both results."""
+    measures = {"accuracy": comparison.accuracy, "lost targets": comparison.lost}
+    return [
+        f"{comparison.name} minus {comparison.reference}: no sequence has {name} in both results"
+        for name, found in measures.items()
+        if found is None
+    ]
 
 
 def _with_sizes(
@@ -204,9 +221,19 @@ def _trackers(results: Path, experiment: str) -> list[Path]:
     found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())
     if not found:
         raise ResultsError(
-            f"{results}: neither it nor a folder in it holds {experiment}/SEQUENCE/SEQUENCE_001.txt"
+            f"{results}: neither it nor a folder in it holds "
+            f"{experiment}/SEQUENCE/SEQUENCE_001.txt{_other_experiment(results)}"
         )
     return found
+
+
+def _other_experiment(results: Path) -> str:
+    """A hint to runs of another kind in a folder of results; empty without any."""
+    folders = [results, *results.iterdir()]
+    for name, option in _EXPERIMENT_OF_FOLDER.items():
+        if any((folder / name).is_dir() for folder in folders):
+            return f"; it has other runs: give --experiment {option}"
+    return ""
 
 
 def _warn(notes: Sequence[str]) -> None:

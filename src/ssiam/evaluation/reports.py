@@ -17,7 +17,7 @@ from rich.table import Table
 
 from ssiam.datasets import VideoSequence
 from ssiam.evaluation.measures import pysot, vot_toolkit
-from ssiam.evaluation.measures.compare import Difference, paired_difference
+from ssiam.evaluation.measures.compare import Difference, Over, paired_difference
 from ssiam.evaluation.measures.eao import Interval, Scores
 from ssiam.evaluation.measures.regions import Floats, upright
 from ssiam.evaluation.measures.success import (
@@ -86,19 +86,22 @@ class TrackerReport:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Differences of a tracker's accuracy and lost targets from those of a reference tracker."""
+    """Differences of a tracker's accuracy and lost targets from those of a reference tracker.
+
+    A difference is None if no sequence has the measure in both results.
+    """
 
     name: str
     reference: str
-    accuracy: Difference
-    lost: Difference
+    accuracy: Difference | None
+    lost: Difference | None
 
     def as_dict(self) -> dict[str, Any]:
         """Reference and differences, for JSON; None in place of nan."""
         return {
             "reference": self.reference,
-            "accuracy": _plain(self.accuracy),
-            "lost": _plain(self.lost),
+            "accuracy": None if self.accuracy is None else _plain(self.accuracy),
+            "lost": None if self.lost is None else _plain(self.lost),
         }
 
 
@@ -140,11 +143,22 @@ def compared(reports: Sequence[TrackerReport]) -> list[Comparison]:
         Comparison(
             each.name,
             reference.name,
-            paired_difference(each.accuracy, reference.accuracy),
-            paired_difference(each.lost, reference.lost, over="sum"),
+            _difference(each.accuracy, reference.accuracy, "mean"),
+            _difference(each.lost, reference.lost, "sum"),
         )
         for each, reference in pairs
     ]
+
+
+def _difference(
+    first: Mapping[str, float], second: Mapping[str, float], over: Over
+) -> Difference | None:
+    """The paired difference; None if no sequence has a number in both."""
+    is_common = any(
+        not math.isnan(value) and not math.isnan(second.get(name, math.nan))
+        for name, value in first.items()
+    )
+    return paired_difference(first, second, over=over) if is_common else None
 
 
 def _unstabilized(label: str) -> str:
@@ -223,7 +237,9 @@ def _cells(found: Scores) -> tuple[str, str, str, str]:
     return accuracy, robustness, eao, f"{found.lost:g}"
 
 
-def _difference_cells(found: Difference, decimals: int) -> tuple[str, str, str]:
+def _difference_cells(found: Difference | None, decimals: int) -> tuple[str, str, str]:
+    if found is None:
+        return _MISSING, _MISSING, _MISSING
     interval = f"{found.low:+.{decimals}f} .. {found.high:+.{decimals}f}"
     return f"{found.value:+.{decimals}f}", interval, f"{100 * found.share_below_zero:.1f} %"
 
