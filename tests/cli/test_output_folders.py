@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from helpers.tracked_clip import run
+from helpers.vot_sequences import write_sequence
 from ssiam.cli import main
 
 CONFIG = """\
@@ -33,7 +34,7 @@ def folder(dataset, tmp_path, monkeypatch):
     shutil.copytree(dataset, "data")
     Path("same").symlink_to("data")
     Path("vot/ants").mkdir(parents=True)
-    Path("vot/ants/groundtruth.txt").write_text("1,2,3,4\n" * 90)
+    write_sequence(Path("vot/ants"), 90)
     Path("vot/list.txt").write_text("ants\n")
     Path("ws").mkdir()
     Path("ws/sequences").symlink_to("../vot")

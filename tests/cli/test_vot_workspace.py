@@ -4,6 +4,7 @@ import configparser
 
 import pytest
 
+from helpers.vot_sequences import write_sequence
 from ssiam.cli import main
 
 pytest.importorskip("trax")
@@ -11,8 +12,7 @@ pytest.importorskip("trax")
 
 @pytest.fixture
 def sequences(tmp_path):
-    (tmp_path / "data" / "ants").mkdir(parents=True)
-    (tmp_path / "data" / "ants" / "groundtruth.txt").write_text("1,2,3,4\n" * 90)
+    write_sequence(tmp_path / "data" / "ants", 90)
     return tmp_path / "data"
 
 
@@ -38,11 +38,31 @@ def test_sequences_that_are_left_out_are_named(sequences, tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "bag: left out, has no groundtruth.txt"
     assert lines[1].endswith("sequences: 1")
-    (sequences / "bag" / "groundtruth.txt").write_text("1,2,3,4\n" * 90)
+    write_sequence(sequences / "bag", 90)
     (sequences / "list.txt").write_text("bag\n")
     assert main(["vot-workspace", str(tmp_path / "ws"), *arguments]) == 0
     line = capsys.readouterr().out.splitlines()[0]
     assert line == f"ants: left out, not in {sequences / 'list.txt'}"
+
+
+def test_sequences_that_cannot_be_read_are_left_out(sequences, tmp_path, capsys):
+    write_sequence(sequences / "damaged", 20)
+    (sequences / "damaged" / "groundtruth.txt").write_text("1,2\n" * 20)
+    (sequences / "pictureless").mkdir()
+    (sequences / "pictureless" / "groundtruth.txt").write_text("1,2,3,4\n" * 20)
+    arguments = ["--stabilize", "off", "--force", "--sequences", str(sequences)]
+    assert main(["vot-workspace", str(tmp_path / "ws"), *arguments]) == 0
+    damaged, pictureless, written, *_ = capsys.readouterr().out.splitlines()
+    assert damaged.startswith("damaged: left out, ")
+    assert "groundtruth.txt" in damaged
+    assert pictureless.startswith("pictureless: left out, ")
+    assert "images" in pictureless
+    assert written.endswith("sequences: 1")
+    listed = (tmp_path / "ws" / "sequences" / "list.txt").read_text().split()
+    assert listed == [str(sequences / "ants")]
+    (sequences / "list.txt").write_text("ants\ndamaged\n")
+    assert main(["vot-workspace", str(tmp_path / "ws"), *arguments]) == 2
+    assert "damaged" in capsys.readouterr().err
 
 
 def test_weights_option(sequences, shared, tmp_path):

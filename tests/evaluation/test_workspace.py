@@ -7,6 +7,7 @@ import sys
 import pytest
 import yaml
 
+from helpers.vot_sequences import write_sequence
 from ssiam.errors import ArgumentError, DatasetError, SinkError
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.evaluation.vot.workspace import _interval_for, write_workspace
@@ -18,11 +19,11 @@ ENTRIES = [Entry("csrt", OFF), Entry("kcf", PAPER)]
 
 @pytest.fixture
 def sequences(tmp_path):
-    """Three sequences of 90, 100 and 110 frames, with only their ground truth."""
+    """Three sequences of 90, 100 and 110 frames, with empty images."""
     folder = tmp_path / "my data"
     for length, name in ((90, "ants"), (100, "bag"), (110, "car")):
         (folder / name).mkdir(parents=True)
-        (folder / name / "groundtruth.txt").write_text("1,2,3,4\n" * length)
+        write_sequence(folder / name, length)
     (folder / "notes").mkdir()
     return folder
 

@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ssiam.datasets.files import read_text
-from ssiam.errors import ArgumentError, DatasetError, SinkError
+from ssiam.datasets.vot import read_vot
+from ssiam.errors import ArgumentError, DatasetError, SinkError, one_line
 from ssiam.evaluation.measures.eao import Interval
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.outputs import atomic_write, check_distinct, make_folder
@@ -126,13 +127,14 @@ def left_out(folder: Path, sequences: Path | None = None) -> list[str]:
         return []
     listed = source / _LIST
     chosen = {path.resolve() for path in _sequence_folders(source)}
-    reason = f"not in {listed}" if listed.is_file() else f"has no {_TRUTH}"
-    others = sorted(path for path in source.iterdir() if path.is_dir())
-    return [
-        f"{path.name}: left out, {reason}"
-        for path in others
-        if path.resolve() not in chosen and not path.name.startswith(".")
+    others = [
+        path
+        for path in sorted(source.iterdir())
+        if path.is_dir() and path.resolve() not in chosen and not path.name.startswith(".")
     ]
+    if listed.is_file():
+        return [f"{path.name}: left out, not in {listed}" for path in others]
+    return [f"{path.name}: left out, {_reason_against(path)}" for path in others]
 
 
 def _config(stack: str | None) -> str:
@@ -175,18 +177,21 @@ def _write(files: Mapping[Path, str], force: bool) -> None:
 
 
 def _sequence_folders(source: Path) -> list[Path]:
-    """The sequences in a folder: those of its list.txt, or all subfolders with a groundtruth.txt.
+    """The sequences in a folder: those of its list.txt, or all subfolders that can be read.
 
     Raises
     ------
     DatasetError
-        There are none, or one of them has no groundtruth.txt.
+        There are none, or one of the list has no groundtruth.txt or is damaged.
     """
     listed = source / _LIST
     if listed.is_file():
         folders = [source / name.strip() for name in read_text(listed).splitlines() if name.strip()]
     elif source.is_dir():
-        folders = sorted(path.parent for path in source.glob(f"*/{_TRUTH}"))
+        candidates = sorted(path.parent for path in source.glob(f"*/{_TRUTH}"))
+        folders = [path for path in candidates if not _reason_against(path)]
+        if candidates and not folders:
+            raise DatasetError(_reason_against(candidates[0]))
     else:
         raise DatasetError(f"{source}: is not a folder; give the folder of the sequences")
     for folder in folders:
@@ -194,11 +199,24 @@ def _sequence_folders(source: Path) -> list[Path]:
             raise DatasetError(
                 f"{folder}: has no {_TRUTH}; add it, or remove the folder from {listed}"
             )
+        if reason := _reason_against(folder):
+            raise DatasetError(reason)
     if not folders:
         raise DatasetError(
             f"{source}: contains no VOT sequence, which is a folder with a {_TRUTH} and images"
         )
     return folders
+
+
+def _reason_against(folder: Path) -> str:
+    """Why the toolkit cannot use a folder as a sequence; empty if it can."""
+    if not (folder / _TRUTH).is_file():
+        return f"has no {_TRUTH}"
+    try:
+        read_vot(folder)
+    except DatasetError as error:
+        return one_line(error)
+    return ""
 
 
 def _length_of(folder: Path) -> int:
