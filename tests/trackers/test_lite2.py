@@ -88,3 +88,21 @@ def test_seek_returns_to_the_first_template():
 def test_a_clone_has_the_same_memory_settings():
     tracker = Lite2Tracker(networks(), memory=replace(Memory(), interval=4))
     assert tracker.clone()._memory == tracker._memory
+
+
+def test_a_mask_network_is_run_when_the_mask_is_read():
+    mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
+    tracker = Lite2Tracker(replace(networks(), mask=mask))
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    track = tracker.track(FrameView(FRAMES[1]))
+    assert not mask.calls
+    x, y, w, h = (round(value) for value in track.box)
+    assert track.mask[y + h // 2, x + w // 2]
+    assert len(mask.calls) == 1
+
+
+def test_masks_can_be_switched_off():
+    mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
+    tracker = Lite2Tracker(replace(networks(), mask=mask), masks=False)
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    assert tracker.track(FrameView(FRAMES[1])).mask is None

@@ -81,6 +81,28 @@ class FrameView:
         )
         return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), color)
 
+    def crop_rectangle(self, xywh: XYWH, out_wh: tuple[int, int], fill: Color) -> Image:
+        """Crop a rectangle of the stabilized frame, stretched to `out_wh`: (H, W, 3) uint8 BGR.
+
+        The rectangle is not rounded to whole pixels.
+
+        Parameters
+        ----------
+        xywh : (x, y, w, h)
+            Stabilized pixels; (0, 0) is the top left corner of the first pixel.
+        out_wh : (int, int)
+            Width and height of the result, pixels.
+        fill : (3,) float64
+            Color outside of the frame, BGR; its fractions are truncated.
+        """
+        x, y, w, h = xywh
+        across, down = w / out_wh[0], h / out_wh[1]
+        stab_from_crop = np.array(
+            [[across, 0, x + across / 2 - 0.5], [0, down, y + down / 2 - 0.5], [0, 0, 1]]
+        )
+        color = np.trunc(fill).tolist()
+        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, out_wh, color)
+
     def render(self, part: XYWH | None = None) -> Image:
         """Render the stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
 

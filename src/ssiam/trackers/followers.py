@@ -10,7 +10,7 @@ re-detected.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
@@ -116,9 +116,8 @@ class StabilizedFollower:
         self._stab_xywh = track.box
         self._loss.update(track.score)
         if step.motion is None:
-            return replace(track, lost=self._loss.lost)
-        return replace(
-            track.mapped(view.raw_from_stab, view.size_wh),
+            return track.with_changes(lost=self._loss.lost)
+        return track.mapped(view.raw_from_stab, view.size_wh).with_changes(
             lost=self._loss.lost,
             motion=step.motion,
             stab_from_raw=step.stab_from_raw,
@@ -130,7 +129,7 @@ class StabilizedFollower:
         track = Track(step.search_xywh, 0.0, self._loss.lost)
         if step.motion is None:
             return track
-        return replace(track, motion=step.motion, stab_from_raw=step.stab_from_raw)
+        return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
 
 
 class PredictiveFollower:
@@ -191,7 +190,7 @@ class PredictiveFollower:
         self._update(track, fallback_xywh)
         if self._loss.lost:
             track = Track(fallback_xywh, track.score, lost=True, evidence=track.evidence)
-        return replace(track, motion=step.motion, stab_from_raw=step.stab_from_raw)
+        return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame, at its position in the scene.
@@ -254,7 +253,7 @@ class PredictiveFollower:
             self._tracker_is_elsewhere = track.score >= moved.score
             return track if self._tracker_is_elsewhere else moved
         self._tracker_is_elsewhere = True
-        return replace(track, score=0.0)
+        return track.with_changes(score=0.0)
 
     def _search(self, view: FrameView, predicted_xywh: XYWH) -> tuple[Track, XYWH]:
         """Search a lost target at its predicted box, and then at the next search position.

@@ -8,7 +8,8 @@ the center of a box is x + w / 2, and positions in a crop count from the crop's 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -18,7 +19,7 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
-from ssiam.track import Track
+from ssiam.track import Outline, PendingOutline, Track
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.lite_mask import crop_corner, pasted_mask, rotated_box
@@ -131,7 +132,7 @@ class LiteTracker(SiameseTracker[_Target]):
         self._parameters = parameters
         self._confidence = confidence
         self._masks = masks
-        self._mask_threshold = mask_threshold
+        self._threshold_logit = math.log(mask_threshold / (1 - mask_threshold))
         self._window = cosine_window(_SIDE)
         self._points = grid_points((np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE)
 
@@ -170,21 +171,31 @@ class LiteTracker(SiameseTracker[_Target]):
         probability = self._confidence.probability(evidence)
         probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
         track = Track(target.state.xywh, probability, evidence=evidence)
-        return self._with_mask(track, mask_logits, view, last, side) if self._masks else track
+        if not self._masks:
+            return track
+        # A stabilized view shows parts of the raw frame beyond its own edges.
+        margin = 0 if view.is_raw else view.border
+        above_threshold = mask_logits - self._threshold_logit
+        outline = PendingOutline(
+            partial(
+                _outline, above_threshold, last.center_xy, side, track.box, view.size_wh, margin
+            )
+        )
+        return track.with_changes(corners=outline, mask=outline)
 
     def _move_to(self, xywh: XYWH) -> None:
         self._target.state = TargetState.from_reported_xywh(xywh)
         self._target.distractors = DistractorTracker()
 
-    def _with_mask(
-        self, track: Track, logits: Tensor, view: FrameView, last: TargetState, side: int
-    ) -> Track:
-        """The track with its mask in the view's pixels, and its rotated box."""
-        # A stabilized view shows parts of the raw frame beyond its own edges.
-        margin = 0 if view.is_raw else view.border
-        threshold_logit = math.log(self._mask_threshold / (1 - self._mask_threshold))
-        mask = pasted_mask(
-            logits - threshold_logit, last.center_xy, side, track.box, view.size_wh, margin
-        )
-        corners = rotated_box(mask, track.box)
-        return replace(track, mask=mask.full(view.size_wh), corners=corners)
+
+def _outline(
+    logits: Tensor,
+    center_xy: tuple[float, float],
+    crop_side: int,
+    xywh: XYWH,
+    size_wh: tuple[int, int],
+    margin: int,
+) -> Outline:
+    """The mask in the view's pixels and its rotated box; parameters as of `pasted_mask`."""
+    mask = pasted_mask(logits, center_xy, crop_side, xywh, size_wh, margin)
+    return Outline(rotated_box(mask, xywh), mask.full(size_wh))

@@ -16,6 +16,7 @@ from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.box_mask import BoxMask
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.lite_mask import crop_corner
@@ -41,6 +42,7 @@ _LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
 PARAMETERS: Final = SearchParameters(penalty_k=0.138, window_influence=0.3, lr=0.4)
 CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
+MASK_THRESHOLD: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -75,11 +77,13 @@ class Lite2Networks:
     `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to the kernels of
     `ssiam.networks.lite2.Lite2Network.template`, their context last; `search` maps
     (1, 3, 255, 255), the kernels and the context of a recent template to logits of score and
-    quality (1, 1, 15, 15), and distances (1, 4, 15, 15) in px.
+    quality (1, 1, 15, 15), and distances (1, 4, 15, 15) in px. `mask`, if the weights have one,
+    is the network of `ssiam.trackers.box_mask`.
     """
 
     template: Network
     search: Network
+    mask: Network | None = None
 
     @classmethod
     def load(cls, weights: Path, options: RuntimeOptions) -> Lite2Networks:
@@ -97,7 +101,7 @@ class Lite2Networks:
         if options.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
         pieces = load_pieces(weights, "lite2", options)
-        return cls(pieces["template"], pieces["search"])
+        return cls(pieces["template"], pieces["search"], pieces.get("mask"))
 
     def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
         """Outputs of `search` for a crop, the kernels, and the context of a recent template.
@@ -132,6 +136,10 @@ class Lite2Tracker(SiameseTracker[_Target]):
     confidence : Confidence
         Its evidence is the logits of the chosen cell's score and quality.
     memory : Memory
+    masks : bool
+        Whether tracks have masks and rotated boxes, if there is a network for them.
+    mask_threshold : float
+        Probability above which a pixel belongs to the target.
     """
 
     def __init__(
@@ -140,12 +148,18 @@ class Lite2Tracker(SiameseTracker[_Target]):
         parameters: SearchParameters = PARAMETERS,
         confidence: Confidence = CONFIDENCE,
         memory: Memory = MEMORY,
+        *,
+        masks: bool = True,
+        mask_threshold: float = MASK_THRESHOLD,
     ) -> None:
         super().__init__()
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
         self._memory = memory
+        self._box_mask = (
+            BoxMask(networks.mask, mask_threshold) if masks and networks.mask is not None else None
+        )
         self._window = cosine_window(_SIDE)
         self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
 
@@ -181,7 +195,11 @@ class Lite2Tracker(SiameseTracker[_Target]):
         logits = (float(logit_map.ravel()[best]) for logit_map in (scores, qualities))
         evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
         probability = self._confidence.probability(evidence)
-        return Track(target.state.xywh, probability, evidence=evidence)
+        track = Track(target.state.xywh, probability, evidence=evidence)
+        if self._box_mask is None:
+            return track
+        outline = self._box_mask.outline(view, track.box, target.fill)
+        return track.with_changes(corners=outline, mask=outline)
 
     def _move_to(self, xywh: XYWH) -> None:
         target = self._target

@@ -13,20 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH, Points, corners_from_xywh
+from ssiam.geometry import XYWH, corners_from_xywh
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
-from ssiam.track import Track
+from ssiam.track import Outline, PendingOutline, Track
 from ssiam.trackers.anchors import STRIDE
-from ssiam.trackers.rotated_boxes import Mask, ellipse_box, rectangle_box
+from ssiam.trackers.rotated_boxes import ellipse_box, rectangle_box
 from ssiam.trackers.siamese import TEMPLATE_SIDE, TargetState, clamped_state, min_size_iou
-from ssiam.trackers.siamrpn import Candidate, SiamRpn, SiamRpnNetworks, SiamRpnParameters
+from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 
 SiamMaskName: TypeAlias = Literal[
     "siammask_r50_l3",
@@ -118,35 +119,34 @@ class SiamMask(SiamRpn):
         state = self._target.state = clamped_state(found.state, view)
         # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        pasted = self._pasted_mask(found, last, view.size_wh, margin)
-        mask = pasted > self._parameters.mask_threshold
-        width, height = view.size_wh
         upright = found.state if self._parameters.variant == "siammask" else state
-        return Track(
-            state.xywh,
-            score=found.score * min_size_iou(state, found.size_wh),
-            corners=self._mask_corners(mask, margin, upright),
-            mask=mask[margin : margin + height, margin : margin + width],
-        )
-
-    def _pasted_mask(
-        self, found: Candidate, last: TargetState, size_wh: tuple[int, int], margin: int
-    ) -> Tensor:
-        """Probability that a pixel is on the target, for all pixels of the view and its margin."""
         corr, *features = found.features
-        windows = refinement_windows(corr, features, found.cell)
-        (logits,) = self._networks.refine(*windows)
+        (logits,) = self._networks.refine(*refinement_windows(corr, features, found.cell))
         instance, base = self._parameters.instance, self._parameters.base
         square = mask_square(last.center_xy, found.crop_side, found.cell, instance, base)
-        return paste_mask(mask_probability(logits), square, size_wh, margin)
+        outline = PendingOutline(
+            partial(_outline, logits, square, upright, view.size_wh, margin, self._parameters)
+        )
+        score = found.score * min_size_iou(state, found.size_wh)
+        return Track(state.xywh, score=score, corners=outline, mask=outline)
 
-    def _mask_corners(self, mask: Mask, margin: int, upright: TargetState) -> Points:
-        """Corners of the mask's rotated box in the view's pixels, or else of the upright box."""
-        if self._parameters.fit == "ellipse":
-            box = ellipse_box(mask, self._parameters.factor)
-        else:
-            box = rectangle_box(mask)
-        return corners_from_xywh(upright.xywh) if box is None else box - margin
+
+def _outline(
+    logits: Tensor,
+    square_xywh: XYWH,
+    upright: TargetState,
+    size_wh: tuple[int, int],
+    margin: int,
+    parameters: SiamMaskParameters,
+) -> Outline:
+    """Mask and rotated box in the view's pixels; without a mask the corners of `upright`."""
+    pasted = paste_mask(mask_probability(logits), square_xywh, size_wh, margin)
+    mask = pasted > parameters.mask_threshold
+    ellipse = parameters.fit == "ellipse"
+    box = ellipse_box(mask, parameters.factor) if ellipse else rectangle_box(mask)
+    corners = corners_from_xywh(upright.xywh) if box is None else box - margin
+    width, height = size_wh
+    return Outline(corners, mask[margin : margin + height, margin : margin + width])
 
 
 def refinement_windows(

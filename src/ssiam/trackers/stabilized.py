@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -218,7 +218,7 @@ class StabilizedTracker(NotPicklable):
         else:
             track = self._locate_visible(target, frame, step)
         if track.lost:
-            track = replace(track, box=_touching(track.box, target.size_wh))
+            track = track.with_changes(box=_touching(track.box, target.size_wh))
         target.xywh = track.box
         target.exclude_xywh = step.predicted_xywh or track.box
         return track
