@@ -120,14 +120,24 @@ def test_tables_2_and_3_have_every_cell_of_the_paper_and_the_difference(found):
 def test_table_4_counts_lost_targets_by_sequence(benched, found):
     _, out, _ = benched
     table = table4(found)
-    assert table.head == ("sequence", "kcf-off", "kcf-paper")
+    assert table.head == ("sequence", "Stabilization", "kcf-off", "kcf-paper")
     total = np.zeros(2, int)
     for name in found.sequences:
         lost = [len(read_vot(vot_path(out / e.label, name)).failures) for e in (OFF, PAPER)]
         total += lost
         if any(lost):
-            assert tuple(row_of(table, name).values())[1:] == tuple(map(str, lost))
-    assert table.rows[-1] == ("all sequences", *map(str, total))
+            assert tuple(row_of(table, name).values())[2:] == tuple(map(str, lost))
+    assert table.rows[-1] == ("all sequences", "", *map(str, total))
+
+
+def test_table_4_has_the_judges_answers_and_chosen_sequences(vot):
+    data, out = vot
+    found = summarize(out, open_dataset(data))
+    table = table4(found, ["road"], {"girl": True, "road": False})
+    girl, road = row_of(table, "girl"), row_of(table, "road")
+    assert (girl["Stabilization"], girl["paper Stabilization"]) == ("Yes", "No")
+    assert (road["Stabilization"], road["nanotrack_v3-off"]) == ("No", "0")
+    assert row_of(table, "wiper")["Stabilization"] == ""
 
 
 def test_missing_protocols_are_noted(benched, found, tmp_path):

@@ -12,6 +12,7 @@ from ssiam.evaluation.paper.cells import (
     NO_ENTRY,
     OTHER_HEAD,
     TABLE3_COLUMNS,
+    YES_NO,
     Table,
     compared,
     compared_head,
@@ -33,6 +34,7 @@ from ssiam.evaluation.paper.published import (
     TABLE2,
     TABLE3,
     TABLE4,
+    LostTargets,
 )
 from ssiam.evaluation.paper.summary import Summaries, Summary
 from ssiam.stabilize import METHODS, StabilizerConfig
@@ -125,20 +127,41 @@ def table3(found: Summaries) -> Table:
     return Table(title, head, rows, _difference_notes(found, rows))
 
 
-def table4(found: Summaries) -> Table:
-    """Table 4: lost targets by sequence, where any run or the paper lost one."""
-    chosen = [each for each in _default_entries(found.entries) if each.supervised]
-    paper = TABLE4 if found.year == ABLATION_YEAR else {}
-    listed = [
+def table4_sequences(found: Summaries, names: Iterable[str] = ()) -> list[str]:
+    """Sequences of the dataset in Table 4: those in `names`, and where a run or the paper lost one.
+
+    Empty without supervised runs.
+    """
+    chosen = _supervised(found)
+    named = {*names, *_table4_of_the_paper(found)}
+    return [
         name
-        for name in found.sequences
-        if name in paper or any(each.lost.get(name, 0) for each in chosen)
+        for name in (found.sequences if chosen else ())
+        if name in named or any(each.lost.get(name, 0) for each in chosen)
     ]
-    listed += [name for name in paper if name not in found.sequences]
+
+
+def table4(
+    found: Summaries, names: Iterable[str] = (), judged: Mapping[str, bool] | None = None
+) -> Table:
+    """Table 4: lost targets by sequence, for `table4_sequences` and the paper's.
+
+    Parameters
+    ----------
+    found : Summaries
+    names : iterable of str
+        Sequences that are listed even if no run lost its target.
+    judged : mapping of str to bool, optional
+        Whether the threshold judge stabilizes a sequence, of those that were judged.
+    """
+    chosen, paper = _supervised(found), _table4_of_the_paper(found)
+    listed = table4_sequences(found, names)
+    listed += [name for name in paper if name not in listed]
     lost = {each.label: each.lost for each in chosen}
     rows = [
         (
             name,
+            YES_NO[(judged or {}).get(name)],
             *(count(each.lost.get(name)) for each in chosen),
             *table4_cells(name, paper, lost, _missing_lost(name, found, lost)),
         )
@@ -146,14 +169,27 @@ def table4(found: Summaries) -> Table:
     ]
     if chosen:
         empty = ("",) * len(table4_head(paper))
-        rows.append(("all sequences", *(count(sum(each.lost.values())) for each in chosen), *empty))
-    head = ("sequence", *(each.label for each in chosen), *table4_head(paper))
+        rows.append(
+            ("all sequences", "", *(count(sum(each.lost.values())) for each in chosen), *empty)
+        )
+    head = ("sequence", "Stabilization", *(each.label for each in chosen), *table4_head(paper))
     untouched = len(set(found.sequences) - set(listed))
     left_out = f"{untouched} of {len(found.sequences)} sequences"
-    notes = [f"Left out because no run lost its target there: {left_out}."]
+    notes = [
+        f"Left out because no run lost its target there: {left_out}.",
+        "Stabilization: whether the threshold judge finds shake in more than half of the frames.",
+    ]
     if paper:
         notes.append(f"The paper's columns and the differences are of {ABLATION_TRACKER}.")
     return Table(f"Table 4: lost targets, {found.dataset}", head, rows, notes)
+
+
+def _supervised(found: Summaries) -> list[Summary]:
+    return [each for each in _default_entries(found.entries) if each.supervised]
+
+
+def _table4_of_the_paper(found: Summaries) -> Mapping[str, LostTargets]:
+    return TABLE4 if found.year == ABLATION_YEAR else {}
 
 
 def _missing_lost(name: str, found: Summaries, lost: Mapping[str, Mapping[str, float]]) -> str:
