@@ -30,6 +30,8 @@ from ssiam.evaluation.paper.published import (
     ABLATION_TRACKER,
     ABLATION_YEAR,
     OTHER_ROWS,
+    PAPER_TRACKERS,
+    RELATED_TRACKERS,
     TABLE1,
     TABLE2,
     TABLE3,
@@ -56,10 +58,11 @@ def table1(found: Summaries) -> Table:
         return Table(title, ("tracker", "stabilized", *DECIMALS, *OTHER_HEAD), rows, notes)
     rows = []
     for each in chosen:
-        theirs = paper[each.label].measures if each.label in paper else None
-        cells = compared(measures_of(each), theirs)
+        theirs = paper.get(_paper_label(each))
+        cells = compared(measures_of(each), theirs.measures if theirs else None)
         rows.append((each.tracker, _method(each), *cells, *other_cells(each), ""))
-    measured = {each.label for each in chosen}
+    notes += _related_notes(chosen)
+    measured = {each.plain_label for each in chosen}
     for label, row in paper.items():
         if label not in measured:
             cells = compared(None, row.measures)
@@ -71,7 +74,7 @@ def table1(found: Summaries) -> Table:
 
 def other_sources(found: Summaries) -> Table:
     """Results that others than the paper have published for the dataset, beside the same ours."""
-    measured = {each.label: measures_of(each) for each in found.entries}
+    measured = {each.plain_label: measures_of(each) for each in reversed(found.entries)}
     rows = [
         (
             *(each.tracker, each.source),
@@ -157,7 +160,7 @@ def table4(
     chosen, paper = _supervised(found), _table4_of_the_paper(found)
     listed = table4_sequences(found, names)
     listed += [name for name in paper if name not in listed]
-    lost = {each.label: each.lost for each in chosen}
+    lost = {each.plain_label: each.lost for each in reversed(chosen)}
     rows = [
         (
             name,
@@ -213,15 +216,42 @@ def _varied(found: Summaries, configs: Iterable[StabilizerConfig]) -> list[str]:
     trackers = dict.fromkeys(
         each.tracker
         for each in found.entries
-        if each.config in wanted and (each.config not in _DEFAULTS or each.tracker == ABLATION_NAME)
+        if each.config in wanted
+        and (each.config not in _DEFAULTS or _is_of_the_papers_ablation(each))
     )
     return list(trackers)
 
 
+def _is_of_the_papers_ablation(summary: Summary) -> bool:
+    return summary.plain_label.startswith(f"{ABLATION_NAME}-")
+
+
+def _paper_label(summary: Summary) -> str:
+    """Label of the row of Table 1 beside which a summary is set."""
+    tracker, _, method = summary.plain_label.rpartition("-")
+    return f"{RELATED_TRACKERS.get(tracker, tracker)}-{method}"
+
+
+def _related_notes(chosen: Iterable[Summary]) -> list[str]:
+    """A line for each tracker that is set beside another one of the paper."""
+    related = {each.tracker: _paper_label(each) for each in chosen}
+    titles = {name: title for title, name in PAPER_TRACKERS.items()}
+    return [
+        f"{tracker} is set beside the paper's {titles[beside]}: the differences contain those of "
+        "weights, backbone or boxes."
+        for tracker, label in related.items()
+        if (beside := label.rpartition("-")[0]) in titles and tracker.partition(" (")[0] != beside
+    ]
+
+
 def _difference_notes(found: Summaries, rows: Iterable[tuple[str, ...]]) -> list[str]:
     """A line if the differences are not only those of the runs."""
-    trackers = ", ".join(dict.fromkeys(row[0] for row in rows))
-    if trackers == ABLATION_NAME and found.year == ABLATION_YEAR:
+    names = list(dict.fromkeys(row[0] for row in rows))
+    trackers = ", ".join(names)
+    if (
+        all(each.partition(" (")[0] == ABLATION_NAME for each in names)
+        and found.year == ABLATION_YEAR
+    ):
         return []
     return [
         f"The paper's numbers are of {ABLATION_TRACKER} on VOT{ABLATION_YEAR}, ours of {trackers} "
