@@ -6,7 +6,9 @@ The time of an update includes crop, network and post-processing. The plain form
 reference implementations: eager PyTorch in float32; trackers with anchors compute their kernels
 from the template features in every frame with gradients recorded, and SiamMask computes its unused
 head of 3969 channels. All forms process each frame in turn, so that changes of the machine's speed
-affect all of them. The weights are random, which does not change the time.
+affect all of them. "Stabilized" is the first runtime with the paper's stabilization of each frame
+(ORB, flow, fit, a crop from the stabilized view), to compare with the paper's stabilized speeds.
+The weights are random, which does not change the time.
 """
 
 from __future__ import annotations
@@ -26,9 +28,11 @@ import torch
 from ssiam import FrameView
 from ssiam.errors import check_choice
 from ssiam.geometry import Image
+from ssiam.motion import CameraMotion
 from ssiam.networks import NetworkName, SiameseNetwork, build_network
 from ssiam.runtime import MODEL_ZOO, Network, RuntimeOptions, Tensor
 from ssiam.runtime.openvino import supports_bf16
+from ssiam.stabilize import Stabilizer, StabilizerConfig
 from ssiam.trackers.base import ViewTracker
 from ssiam.trackers.registry import SiameseName, load_siamese_tracker
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
@@ -36,7 +40,12 @@ from ssiam.trackers.siammask import PARAMETERS as MASK_PARAMETERS
 from ssiam.trackers.siammask import SiamMask, SiamMaskNetworks
 from ssiam.trackers.siamrpn import PARAMETERS, SiamRpn, SiamRpnNetworks
 
-PAPER_FPS = {"siamfc": 58, "siamrpn_r50_l234_dwxcorr": 23, "siammask_e": 33}  # GTX 1080 Ti
+PAPER_FPS = {  # alone, stabilized; GTX 1080 Ti
+    "siamfc": (121, 58),
+    "siamrpn_r50_l234_dwxcorr": (34, 23),
+    "siammask_e": (55, 33),
+}
+STABILIZED = ", stabilized"  # end of the name of a form
 TRACKERS = ("siamrpn_r50_l234_dwxcorr", "siammask_e", "siamfc")
 WARM_UP = 3  # frames that do not count
 SIZE = (640, 360)
@@ -123,16 +132,41 @@ def frames(count: int) -> list[Image]:
     return [np.roll(image, (t % 3, t % 5), axis=(0, 1)) for t in range(count)]
 
 
-def measure(trackers: dict[str, ViewTracker], count: int) -> dict[str, float]:
-    """Median milliseconds per frame of each form; position and size of the box are fixed."""
+class PaperView:
+    """The view of each frame that the paper's method makes for a tracker."""
+
+    def __init__(self, image: Image) -> None:
+        config = StabilizerConfig("paper")
+        self._camera = CameraMotion(config.keypoints, config.fit, model="rigid")
+        self._stabilizer, self._border = Stabilizer(config), config.border
+        self._camera.update(image)
+
+    def __call__(self, image: Image) -> FrameView:
+        """The stabilized view; the target's box is left out of the motion."""
+        motion = self._camera.update(image, exclude=BOX)
+        return FrameView(image, self._stabilizer.update(motion), self._border)
+
+
+def measure(
+    trackers: dict[str, ViewTracker], count: int, stabilized: str | None = None
+) -> dict[str, float]:
+    """Median milliseconds per frame of each form; position and size of the box are fixed.
+
+    The form `stabilized` is measured with the paper's stabilization too.
+    """
     images = frames(count + WARM_UP + 1)
-    milliseconds: dict[str, list[float]] = {form: [] for form in trackers}
+    runs: dict[str, tuple[ViewTracker, Callable[[Image], FrameView]]] = {
+        form: (tracker, FrameView) for form, tracker in trackers.items()
+    }
+    if stabilized is not None:
+        runs[stabilized + STABILIZED] = trackers[stabilized], PaperView(images[0])
+    milliseconds: dict[str, list[float]] = {form: [] for form in runs}
     for tracker in trackers.values():
         tracker.init(FrameView(images[0]), BOX)
     for image in images[1:]:
-        for form, tracker in trackers.items():
+        for form, (tracker, view) in runs.items():
             start = time.perf_counter()
-            tracker.seek(FrameView(image), BOX)
+            tracker.seek(view(image), BOX)
             milliseconds[form].append(1e3 * (time.perf_counter() - start))
     return {form: float(np.median(times[WARM_UP:])) for form, times in milliseconds.items()}
 
@@ -167,10 +201,13 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for text in arguments.trackers.split(","):
         name = check_choice("tracker", text, get_args(SiameseName))
-        ms = measure(forms(name, runtimes, arguments.threads), arguments.frames)
+        trackers = forms(name, runtimes, arguments.threads)
+        ms = measure(trackers, arguments.frames, stabilized=runtimes[0])
+        alone, stabilized = PAPER_FPS.get(name, ("", ""))
         for form, value in ms.items():
             cells = f"{value:.1f} | {1e3 / value:.1f} | {ms['plain'] / value:.2f}"
-            print(f"| {name} | {form} | {cells} | {PAPER_FPS.get(name, '')} |", flush=True)
+            paper = stabilized if form.endswith(STABILIZED) else alone
+            print(f"| {name} | {form} | {cells} | {paper} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -174,3 +174,14 @@ def test_wrong_arguments_give_one_line_error(
     assert message in error
     assert len(error.splitlines()) == 1
     assert not any(tmp_path.rglob("*_001.txt"))
+
+
+def test_datasets_with_sequences_of_one_name_are_refused(dataset, tmp_path, capsys):
+    other = write_dataset(tmp_path / "other", sequences=1, frames=3)
+    arguments = [str(dataset), str(other), "--out", str(tmp_path / "runs"), "--trackers", "kcf"]
+    assert main(["bench", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert "both have a sequence 'clip0'" in error
+    assert str(other) in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "runs").exists()

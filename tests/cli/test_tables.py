@@ -46,6 +46,18 @@ def test_chosen_sequences_are_in_the_strips(benched, tmp_path, capsys):
     assert "clip1" in error
 
 
+def test_table_4_is_judged_unless_it_is_switched_off(benched, tmp_path, capsys):
+    data, results = benched
+    arguments = ["tables", str(results), "--dataset", str(data), "--no-figures"]
+    for options, answer in (([], "Yes"), (["--no-judge"], "   ")):
+        out = tmp_path / "-".join(["page", *options])
+        words = ["--out", str(out), "--sequences", "clip0,clip1", *options]
+        assert main([*arguments, *words]) == 0
+        text = (out / "tables.md").read_text()
+        for name in ("clip0", "clip1"):
+            assert re.search(rf"^\| {name} +\| {answer} +\|", text, re.MULTILINE)
+
+
 def test_default_folder_without_figures(benched, capsys):
     data, results = benched
     arguments = ["tables", str(results), "--dataset", str(data), "--no-figures"]

@@ -21,7 +21,7 @@ from ssiam.cli.options import (
     parse_weights,
     split_words,
 )
-from ssiam.datasets import Shake, ShakeBorder, open_dataset
+from ssiam.datasets import Dataset, Shake, ShakeBorder, open_dataset
 from ssiam.errors import ArgumentError, IncompleteError, check_choice
 from ssiam.evaluation.paper.presets import PRESETS, preset
 from ssiam.evaluation.runs.bench import Task, TaskResult, run_all, tasks
@@ -126,9 +126,11 @@ def bench(
         shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border
     )
     names = None if trackers is None else split_words(trackers)
+    opened = [open_dataset(path) for path in dataset]
+    _check_names(dataset, opened)
     if preset_name is not None:
-        opened = [open_dataset(path).name for path in dataset]
-        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, opened, options)
+        titles = [each.name for each in opened]
+        chosen = preset(check_choice("preset", preset_name, PRESETS), names, paths, titles, options)
         competitors = chosen.entries
         for line in chosen.missing:
             print(f"missing: {line}")
@@ -137,13 +139,26 @@ def bench(
         competitors = entries(names or ["csrt"], methods, paths, options)
     planned = [
         task
-        for path in dataset
-        for task in tasks(competitors, open_dataset(path), path, out, protocol, shakes)
+        for path, each in zip(dataset, opened, strict=True)
+        for task in tasks(competitors, each, path, out, protocol, shakes)
     ]
     with _Scoreboard(planned) as board:
         for done in run_all(planned, jobs, cluster):
             board.add(done)
     board.print(out)
+
+
+def _check_names(paths: Sequence[Path], opened: Sequence[Dataset]) -> None:
+    """Refuse datasets with sequences of the same name, whose results would be the same files."""
+    holders: dict[str, Path] = {}
+    for path, each in zip(paths, opened, strict=True):
+        for name in each.sequences:
+            if name in holders:
+                raise ArgumentError(
+                    f"{holders[name]} and {path} both have a sequence {name!r}, and results are "
+                    "named by sequence; run them one at a time, each with an --out of its own"
+                )
+            holders[name] = path
 
 
 class _Scoreboard:

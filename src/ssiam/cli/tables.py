@@ -16,6 +16,7 @@ from ssiam.evaluation.paper.canvas import check_matplotlib
 from ssiam.evaluation.paper.cells import Table
 from ssiam.evaluation.paper.figures import Figure
 from ssiam.evaluation.paper.figures import figures as drawn_figures
+from ssiam.evaluation.paper.judged import judge_sequences
 from ssiam.evaluation.paper.missing import how_to_get
 from ssiam.evaluation.paper.page import PAGE, Section, markdown_table, write_page
 from ssiam.evaluation.paper.printed import printed_tables
@@ -26,6 +27,7 @@ from ssiam.evaluation.paper.tables import (
     table2,
     table3,
     table4,
+    table4_sequences,
 )
 from ssiam.evaluation.runs.result_files import ResultsError
 from ssiam.evaluation.runs.shaken_results import shaken_as
@@ -50,6 +52,7 @@ def tables(
     dataset: Annotated[list[Path], Parameter(negative=())],
     out: Path | None = None,
     figures: bool = True,
+    judge: bool = True,
     sequences: str | None = None,
 ) -> None:
     """Make tables 1 to 4 and the figures of the paper from results of ssiam bench.
@@ -68,10 +71,13 @@ def tables(
         Folder to write to; by default RESULTS/tables.
     figures
         Draw the figures. This needs matplotlib, and most figures need the dataset's images.
+    judge
+        Decide for each sequence in Table 4 whether its camera shakes (the column Stabilization).
+        This reads all images of these sequences.
     sequences
         Comma-separated sequences of figures 1 and 6; figures 3 to 5 are of the first one. By
         default the paper's soccer2, wiper, helicopter and blanket, or those that stabilization
-        changes most.
+        changes most. Table 4 lists them too, also those in which no target was lost.
     """
     folder = out or results / "tables"
     check_results_folder(folder, dataset)
@@ -86,7 +92,7 @@ def tables(
         raise ResultsError(
             f"{results}: holds no results of {searched}; give the dataset of the results"
         )
-    sections = [_section(each, names if figures else None) for each in found]
+    sections = [_section(each, names, figures, judge) for each in found]
     shown = [table for each in sections for table in each.tables]
     paper = printed_tables(shown, {each.year for each in found if each.entries})
     if paper:
@@ -111,16 +117,22 @@ def _known_names(opened: Sequence[Dataset], names: Sequence[str]) -> list[str]:
     return [holder.sequences[name].name for holder, name in zip(holders, names, strict=True)]
 
 
-def _section(found: Summaries, figure_sequences: Sequence[str] | None) -> Section:
+def _section(found: Summaries, names: Sequence[str], figures: bool, judge: bool) -> Section:
     title = f"Dataset {found.dataset}"
     if not found.entries:
         return Section(title, [], notes=[f"{found.dataset}: no results", *found.notes])
     drawn: list[Figure] = []
     notes = list(found.notes)
-    if figure_sequences is not None:
-        drawn, undrawn = drawn_figures(found, figure_sequences)
+    if figures:
+        drawn, undrawn = drawn_figures(found, names)
         notes += undrawn
-    made = [table(found) for table in (table1, other_sources, table2, table3, table4)]
+    judged: dict[str, bool] = {}
+    if judge:
+        listed = table4_sequences(found, names)
+        judged, unjudged = judge_sequences(found.sequences[name] for name in listed)
+        notes += unjudged
+    made = [table(found) for table in (table1, other_sources, table2, table3)]
+    made.append(table4(found, names, judged))
     notes += [
         f"{each.title}: no results" for each in made if not each.rows and "Table" in each.title
     ]

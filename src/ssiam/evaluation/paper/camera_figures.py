@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ssiam.datasets import VideoSequence
 from ssiam.evaluation.measures.regions import Floats
+from ssiam.evaluation.paper.camera_motions import camera_motions
 from ssiam.evaluation.paper.canvas import (
     BLUE,
     GRAY,
@@ -21,7 +22,6 @@ from ssiam.evaluation.paper.canvas import (
     style_axes,
 )
 from ssiam.geometry import Transform, corners_from_xywh
-from ssiam.motion import CameraMotion
 from ssiam.stabilize import CameraPath, FrameView, Stabilizer, StabilizerConfig
 
 _AXES: Final = (("x", "px, right"), ("y", "px, down"))
@@ -60,11 +60,9 @@ def record_camera(sequence: VideoSequence, config: StabilizerConfig) -> CameraRe
     SourceError
         A frame cannot be read.
     """
-    camera = CameraMotion(config.keypoints, config.fit, model="rigid")
     recent_path, stabilizer = CameraPath(config.paper.window), Stabilizer(config)
     steps, corrections, transforms, reliable = [], [], [], []
-    for index, image in enumerate(sequence.images()):
-        motion = camera.update(image, exclude=_target(sequence, index - 1))
+    for index, motion in enumerate(camera_motions(sequence, config)):
         is_reliable = motion.reliable or index == 0
         if is_reliable:
             recent_path.advance(motion)
@@ -74,12 +72,6 @@ def record_camera(sequence: VideoSequence, config: StabilizerConfig) -> CameraRe
         reliable.append(is_reliable)
     path, new_trans = np.cumsum(steps, axis=0), np.array(corrections)
     return CameraRecord(path, path + new_trans, new_trans, np.array(transforms), np.array(reliable))
-
-
-def _target(sequence: VideoSequence, index: int) -> tuple[float, ...] | None:
-    """The true box in a frame; None if there is none."""
-    known = 0 <= index < len(sequence.truth) and np.isfinite(sequence.truth[index]).all()
-    return sequence.box(index) if known else None
 
 
 def draw_path(record: CameraRecord) -> bytes:

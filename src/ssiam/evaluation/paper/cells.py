@@ -22,7 +22,7 @@ OTHER_HEAD: Final = ("lost", "overlap", "success")
 NO_ENTRY: Final = ("",) * len(OTHER_HEAD)
 DECIMALS: Final = {"A": 3, "R": 3, "EAO": 3, "fps": 0}  # by column
 TABLE3_COLUMNS: Final = ("A", "R", "EAO")
-_YES_NO: Final = {True: "Yes", False: "No"}
+YES_NO: Final = {True: "Yes", False: "No", None: ""}
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def table4_cells(
         "" if (own := ours[method]) is None else f"{own - theirs:+g}"
         for method, theirs in both.items()
     )
-    return (_YES_NO[row.stabilizes], *map(count, both.values()), *differences, missing)
+    return (YES_NO[row.stabilizes], *map(count, both.values()), *differences, missing)
 
 
 def other_cells(summary: Summary | None) -> tuple[str, ...]:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from ssiam.datasets import VideoSequence
+from ssiam.errors import SsiamError, one_line
+from ssiam.evaluation.paper.camera_motions import camera_motions
 from ssiam.motion import Motion
 from ssiam.stabilize import PaperConfig, Stabilizer, StabilizerConfig
 
 WINDOW_JUDGE: Final = PaperConfig(judge="window")
+_CAMERA: Final = StabilizerConfig("paper")
 
 
 def needs_stabilization(motions: Iterable[Motion], config: PaperConfig = WINDOW_JUDGE) -> bool:
@@ -27,3 +31,22 @@ def needs_stabilization(motions: Iterable[Motion], config: PaperConfig = WINDOW_
         stabilizer.update(motion)
         answers.append(stabilizer.shakes)
     return 2 * sum(answers) > len(answers)
+
+
+def judge_sequences(sequences: Iterable[VideoSequence]) -> tuple[dict[str, bool], list[str]]:
+    """Whether each sequence needs stabilization, by the paper's keypoints in its images.
+
+    Returns
+    -------
+    judged : dict of str to bool
+        By sequence, without those whose images cannot be read.
+    notes : list of str
+        A line for each of these.
+    """
+    judged, notes = {}, []
+    for each in sequences:
+        try:
+            judged[each.name] = needs_stabilization(camera_motions(each, _CAMERA))
+        except SsiamError as error:
+            notes.append(f"{each.name}: not judged in Table 4: {one_line(error)}")
+    return judged, notes

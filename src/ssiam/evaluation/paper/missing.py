@@ -36,4 +36,7 @@ def _source(needed: str) -> str:
         return how_to_get_weights(tracker)
     if needed.startswith("run of "):
         return f"ssiam bench DATASET --out RESULTS {needed.removeprefix('run of ')}"
-    return "download it from votchallenge.net, run ssiam bench on it, and give it as --dataset too"
+    return (
+        "download it from votchallenge.net, and run ssiam bench and ssiam tables on it, with an "
+        "--out of its own: the years of VOT have sequences of the same names"
+    )

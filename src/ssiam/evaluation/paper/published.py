@@ -102,6 +102,19 @@ PAPER_TRACKERS: Final[dict[str, TrackerName]] = {
     "SiamMask_E": "siammask_e",
 }
 
+# Trackers with the networks of the paper's, but other weights, backbones or boxes, and the one of
+# the paper's that they are set beside.
+RELATED_TRACKERS: Final[dict[str, TrackerName]] = {
+    "siamrpn_r50_l234_dwxcorr_otb": "siamrpn_r50_l234_dwxcorr",
+    "siamrpn_mobilev2_l234_dwxcorr": "siamrpn_r50_l234_dwxcorr",
+    "siamrpn_alex_dwxcorr": "siamrpn_r50_l234_dwxcorr",
+    "siammask_r50_l3": "siammask_e",
+    "siammask_e_unrefined": "siammask_e",
+    "siammask_vot": "siammask_e",
+    "siammask_vot18": "siammask_e",
+    "siammask_davis": "siammask_e",
+}
+
 # Table 1: tracker, stabilized, fps, and A, R, EAO on VOT2019, VOT2018 and VOT2016.
 _TABLE1_YEARS: Final = (2019, 2018, 2016)
 _TABLE1: Final = (

@@ -75,6 +75,13 @@ class Summary:
     scores: Scores | None
     eao_curve: Floats | None
 
+    @property
+    def plain_label(self) -> str:
+        """The label without runtime options and weights, as `Published.label`."""
+        head, *settings = re.split(_SETTINGS, self.label)
+        kept = [each for each in settings if each.partition("=")[0] not in VARIANT_KEYS]
+        return "-".join([head, *kept])
+
     @cached_property
     def lost(self) -> dict[str, float]:
         """Lost targets of each sequence."""

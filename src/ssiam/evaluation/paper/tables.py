@@ -12,6 +12,7 @@ from ssiam.evaluation.paper.cells import (
     NO_ENTRY,
     OTHER_HEAD,
     TABLE3_COLUMNS,
+    YES_NO,
     Table,
     compared,
     compared_head,
@@ -29,10 +30,13 @@ from ssiam.evaluation.paper.published import (
     ABLATION_TRACKER,
     ABLATION_YEAR,
     OTHER_ROWS,
+    PAPER_TRACKERS,
+    RELATED_TRACKERS,
     TABLE1,
     TABLE2,
     TABLE3,
     TABLE4,
+    LostTargets,
 )
 from ssiam.evaluation.paper.summary import Summaries, Summary
 from ssiam.stabilize import METHODS, StabilizerConfig
@@ -54,10 +58,11 @@ def table1(found: Summaries) -> Table:
         return Table(title, ("tracker", "stabilized", *DECIMALS, *OTHER_HEAD), rows, notes)
     rows = []
     for each in chosen:
-        theirs = paper[each.label].measures if each.label in paper else None
-        cells = compared(measures_of(each), theirs)
+        theirs = paper.get(_paper_label(each))
+        cells = compared(measures_of(each), theirs.measures if theirs else None)
         rows.append((each.tracker, _method(each), *cells, *other_cells(each), ""))
-    measured = {each.label for each in chosen}
+    notes += _related_notes(chosen)
+    measured = {each.plain_label for each in chosen}
     for label, row in paper.items():
         if label not in measured:
             cells = compared(None, row.measures)
@@ -69,7 +74,7 @@ def table1(found: Summaries) -> Table:
 
 def other_sources(found: Summaries) -> Table:
     """Results that others than the paper have published for the dataset, beside the same ours."""
-    measured = {each.label: measures_of(each) for each in found.entries}
+    measured = {each.plain_label: measures_of(each) for each in reversed(found.entries)}
     rows = [
         (
             *(each.tracker, each.source),
@@ -125,20 +130,41 @@ def table3(found: Summaries) -> Table:
     return Table(title, head, rows, _difference_notes(found, rows))
 
 
-def table4(found: Summaries) -> Table:
-    """Table 4: lost targets by sequence, where any run or the paper lost one."""
-    chosen = [each for each in _default_entries(found.entries) if each.supervised]
-    paper = TABLE4 if found.year == ABLATION_YEAR else {}
-    listed = [
+def table4_sequences(found: Summaries, names: Iterable[str] = ()) -> list[str]:
+    """Sequences of the dataset in Table 4: those in `names`, and where a run or the paper lost one.
+
+    Empty without supervised runs.
+    """
+    chosen = _supervised(found)
+    named = {*names, *_table4_of_the_paper(found)}
+    return [
         name
-        for name in found.sequences
-        if name in paper or any(each.lost.get(name, 0) for each in chosen)
+        for name in (found.sequences if chosen else ())
+        if name in named or any(each.lost.get(name, 0) for each in chosen)
     ]
-    listed += [name for name in paper if name not in found.sequences]
-    lost = {each.label: each.lost for each in chosen}
+
+
+def table4(
+    found: Summaries, names: Iterable[str] = (), judged: Mapping[str, bool] | None = None
+) -> Table:
+    """Table 4: lost targets by sequence, for `table4_sequences` and the paper's.
+
+    Parameters
+    ----------
+    found : Summaries
+    names : iterable of str
+        Sequences that are listed even if no run lost its target.
+    judged : mapping of str to bool, optional
+        Whether the threshold judge stabilizes a sequence, of those that were judged.
+    """
+    chosen, paper = _supervised(found), _table4_of_the_paper(found)
+    listed = table4_sequences(found, names)
+    listed += [name for name in paper if name not in listed]
+    lost = {each.plain_label: each.lost for each in reversed(chosen)}
     rows = [
         (
             name,
+            YES_NO[(judged or {}).get(name)],
             *(count(each.lost.get(name)) for each in chosen),
             *table4_cells(name, paper, lost, _missing_lost(name, found, lost)),
         )
@@ -146,14 +172,27 @@ def table4(found: Summaries) -> Table:
     ]
     if chosen:
         empty = ("",) * len(table4_head(paper))
-        rows.append(("all sequences", *(count(sum(each.lost.values())) for each in chosen), *empty))
-    head = ("sequence", *(each.label for each in chosen), *table4_head(paper))
+        rows.append(
+            ("all sequences", "", *(count(sum(each.lost.values())) for each in chosen), *empty)
+        )
+    head = ("sequence", "Stabilization", *(each.label for each in chosen), *table4_head(paper))
     untouched = len(set(found.sequences) - set(listed))
     left_out = f"{untouched} of {len(found.sequences)} sequences"
-    notes = [f"Left out because no run lost its target there: {left_out}."]
+    notes = [
+        f"Left out because no run lost its target there: {left_out}.",
+        "Stabilization: whether the threshold judge finds shake in more than half of the frames.",
+    ]
     if paper:
         notes.append(f"The paper's columns and the differences are of {ABLATION_TRACKER}.")
     return Table(f"Table 4: lost targets, {found.dataset}", head, rows, notes)
+
+
+def _supervised(found: Summaries) -> list[Summary]:
+    return [each for each in _default_entries(found.entries) if each.supervised]
+
+
+def _table4_of_the_paper(found: Summaries) -> Mapping[str, LostTargets]:
+    return TABLE4 if found.year == ABLATION_YEAR else {}
 
 
 def _missing_lost(name: str, found: Summaries, lost: Mapping[str, Mapping[str, float]]) -> str:
@@ -177,15 +216,42 @@ def _varied(found: Summaries, configs: Iterable[StabilizerConfig]) -> list[str]:
     trackers = dict.fromkeys(
         each.tracker
         for each in found.entries
-        if each.config in wanted and (each.config not in _DEFAULTS or each.tracker == ABLATION_NAME)
+        if each.config in wanted
+        and (each.config not in _DEFAULTS or _is_of_the_papers_ablation(each))
     )
     return list(trackers)
 
 
+def _is_of_the_papers_ablation(summary: Summary) -> bool:
+    return summary.plain_label.startswith(f"{ABLATION_NAME}-")
+
+
+def _paper_label(summary: Summary) -> str:
+    """Label of the row of Table 1 beside which a summary is set."""
+    tracker, _, method = summary.plain_label.rpartition("-")
+    return f"{RELATED_TRACKERS.get(tracker, tracker)}-{method}"
+
+
+def _related_notes(chosen: Iterable[Summary]) -> list[str]:
+    """A line for each tracker that is set beside another one of the paper."""
+    related = {each.tracker: _paper_label(each) for each in chosen}
+    titles = {name: title for title, name in PAPER_TRACKERS.items()}
+    return [
+        f"{tracker} is set beside the paper's {titles[beside]}: the differences contain those of "
+        "weights, backbone or boxes."
+        for tracker, label in related.items()
+        if (beside := label.rpartition("-")[0]) in titles and tracker.partition(" (")[0] != beside
+    ]
+
+
 def _difference_notes(found: Summaries, rows: Iterable[tuple[str, ...]]) -> list[str]:
     """A line if the differences are not only those of the runs."""
-    trackers = ", ".join(dict.fromkeys(row[0] for row in rows))
-    if trackers == ABLATION_NAME and found.year == ABLATION_YEAR:
+    names = list(dict.fromkeys(row[0] for row in rows))
+    trackers = ", ".join(names)
+    if (
+        all(each.partition(" (")[0] == ABLATION_NAME for each in names)
+        and found.year == ABLATION_YEAR
+    ):
         return []
     return [
         f"The paper's numbers are of {ABLATION_TRACKER} on VOT{ABLATION_YEAR}, ours of {trackers} "
