@@ -25,7 +25,8 @@ COLUMNS = (
 """Columns of .csv and keys of .jsonl.
 
 Pixels, 0-based; seconds; radians. `dx`, `dy` and `angle_rad` are the camera motion since the
-previous frame, at the image center; `inliers` is the share of points that agree with it.
+previous frame, at the image center; `inliers` is the share of points that agree with it. All
+columns after `target` are empty (null) while a target waits for the frame in which it begins.
 """
 
 # Decimals: a thousandth of a pixel, a microsecond, a microradian.
@@ -38,12 +39,15 @@ _Value: TypeAlias = float | int | bool | None
 
 @dataclass(frozen=True)
 class Row:
-    """One target in one frame: `frame` from 0, `time` in seconds or None, `target` from 1."""
+    """One target in one frame: `frame` from 0, `time` in seconds or None, `target` from 1.
+
+    `track` is None before the target begins.
+    """
 
     frame: int
     time: float | None
     target: int
-    track: Track
+    track: Track | None
 
 
 def open_results(
@@ -123,7 +127,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
             check_output(path, overwrite=overwrite)
         self._layout = layout
         self._targets = targets
-        self._is_first = True
+        self._begun: set[int] = set()  # targets that have a track
         self._is_empty = True
         self._files = [_LineFile(PartFile(path, overwrite=overwrite)) for path in paths]
         if layout.header is not None:
@@ -134,7 +138,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
         """The files that have the results now: the outputs, or their part files before `close`."""
         return tuple(file.location for file in self._files if file.location is not None)
 
-    def write(self, frame_index: int, time: float | None, tracks: Sequence[Track]) -> None:
+    def write(self, frame_index: int, time: float | None, tracks: Sequence[Track | None]) -> None:
         """Write the tracks of one frame, in the order of the targets.
 
         Parameters
@@ -143,8 +147,8 @@ class ResultSink(NotCopyable, ClosedOnExit):
             From 0.
         time : float or None
             Seconds; None if unknown.
-        tracks : sequence of Track
-            In raw-frame pixels, one per target.
+        tracks : sequence of Track or None
+            In raw-frame pixels, one per target; None before a target begins.
 
         Raises
         ------
@@ -153,12 +157,15 @@ class ResultSink(NotCopyable, ClosedOnExit):
         """
         if len(tracks) != self._targets:
             raise ValueError(f"{len(tracks)} tracks for {self._targets} targets")
-        for number, track in enumerate(tracks):
-            if self._is_first and self._layout.initial is not None:
-                self._file(number + 1).write_line(self._layout.initial)
+        for target, track in enumerate(tracks, start=1):
+            is_initial = track is not None and target not in self._begun
+            if is_initial:
+                self._begun.add(target)
+            if is_initial and self._layout.initial is not None:
+                self._file(target).write_line(self._layout.initial)
+                self._is_empty = False
             else:
-                self.write_row(Row(frame_index, time, number + 1, track))
-        self._is_first = self._is_empty = False
+                self.write_row(Row(frame_index, time, target, track))
 
     def write_row(self, row: Row) -> None:
         """Write one target of one frame; instead of `write` if the number of targets varies."""
@@ -232,6 +239,9 @@ class _LineFile:
 def _record(row: Row) -> dict[str, _Value]:
     """The row by `COLUMNS`; None for missing values."""
     track = row.track
+    if track is None:
+        found = (row.frame, _rounded(row.time, _FINE_DECIMALS), row.target)
+        return dict(zip(COLUMNS, (*found, *(None,) * (len(COLUMNS) - len(found))), strict=True))
     corners = (None,) * 8 if track.corners is None else track.corners.ravel().tolist()
     values = (
         *(row.frame, _rounded(row.time, _FINE_DECIMALS), row.target),
@@ -256,9 +266,9 @@ def _json_line(row: Row) -> str:
 def _mot_line(row: Row) -> str | None:
     """MOTChallenge: ``frame,id,x,y,w,h,conf,-1,-1,-1``; frame, id, x and y are 1-based.
 
-    The format has no line for a lost target.
+    The format has no line for a target that is lost or has not begun.
     """
-    if row.track.lost or not _is_finite(row.track.box):
+    if row.track is None or row.track.lost or not _is_finite(row.track.box):
         return None
     box = _one_based(row.track.box)
     score = _rounded(row.track.score, _SCORE_DECIMALS)
@@ -266,16 +276,23 @@ def _mot_line(row: Row) -> str | None:
 
 
 def _otb_line(row: Row) -> str:
-    """OTB: ``x,y,w,h``; x and y are 1-based. One line per frame, also for a lost target."""
-    return _joined(_one_based(row.track.box) if _is_finite(row.track.box) else (0, 0, 0, 0))
+    """OTB: ``x,y,w,h``; x and y are 1-based. One line per frame, also for a lost target.
+
+    ``0,0,0,0`` before the target begins.
+    """
+    if row.track is None or not _is_finite(row.track.box):
+        return "0,0,0,0"
+    return _joined(_one_based(row.track.box))
 
 
 def _vot_line(row: Row) -> str:
     """VOT: ``x,y,w,h``, or the polygon ``x1,y1,...,x4,y4`` of a rotated box; 0-based pixels.
 
-    One line per frame, also for a lost target.
+    One line per frame, also for a lost target; ``0`` before the target begins.
     """
     track = row.track
+    if track is None:
+        return "0"
     region = track.box if track.corners is None else track.corners.ravel().tolist()
     if not _is_finite(region):
         return "0"
@@ -293,7 +310,7 @@ class _Layout:
     header : str or None
         First line of the file.
     initial : str or None
-        Replaces the line of a target's first frame.
+        Replaces the line of the frame in which a target begins.
     one_target : bool
         Whether each target has its own file.
     """
