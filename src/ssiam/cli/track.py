@@ -8,7 +8,8 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from ssiam.cli.moments import PlannedTarget
+from ssiam.cli.boxes import box_files, parse_boxes
+from ssiam.cli.moments import Span, moment_option
 from ssiam.cli.options import (
     DEFAULT_STABILIZATION,
     DEFAULT_TRACKER_OPTIONS,
@@ -36,12 +37,19 @@ def track(
         list[str] | None,
         Parameter(group=TARGET_GROUP, negative=(), allow_leading_hyphen=True),
     ] = None,
-    out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP)] = None,
-    results: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP)] = None,
+    start: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
+    end: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
+    out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
+    results: Annotated[
+        Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
+    ] = None,
     layout: Annotated[str | None, Parameter(group=_OUTPUT_GROUP)] = None,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
     overwrite: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
+    quiet: Annotated[
+        bool, Parameter(name=("--quiet", "-q"), group=_OUTPUT_GROUP, negative=())
+    ] = False,
     raw: Annotated[str | None, Parameter(group=RUNTIME_GROUP)] = None,
     stream: Annotated[int | None, Parameter(group=RUNTIME_GROUP)] = None,
     levels: Annotated[str | None, Parameter(group=RUNTIME_GROUP, allow_leading_hyphen=True)] = None,
@@ -64,13 +72,22 @@ def track(
         Video file, folder of images, camera index, rtsp:// or http:// address, or - for standard
         input.
     box
-        Target in the first frame: x,y,width,height in pixels, with x and y of its top left corner.
-        Repeat for further targets.
+        Target in the first frame: x,y,width,height in pixels, with x and y of its top left corner,
+        also as four words. MOMENT:x,y,width,height is a target that begins later: 300: at a
+        frame, 12s: or 0:12: at a time. @FILE.csv has a target in each line: columns x,y,w,h and,
+        if it begins later, frame or time. Repeat for further targets.
+    start
+        First frame that is tracked and written: a frame number, from 0 (300), or a time by the
+        frames' timestamps (12s, 0:12, 1:02:03.5), which means the first frame at or after it.
+    end
+        Last frame that is tracked and written, as for --start; a time means the last frame at or
+        before it.
     out
         Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
         copied.
     results
-        Results to write: .csv, .jsonl or .txt.
+        Results to write: .csv, .jsonl or .txt; - writes JSON lines to standard output, and the
+        summary to standard error.
     layout
         Layout of a .txt file: otb (x,y,w,h, 1-based; the default), mot (MOTChallenge, 1-based) or
         vot (0-based).
@@ -80,6 +97,8 @@ def track(
         Show the stabilized view next to the raw frame in the video.
     overwrite
         Replace existing files; without this option ssiam does not start.
+    quiet
+        Print errors only: no progress bar and no summary.
     raw
         SIZE,PIXEL_FORMAT,FPS of raw frames without a header, in a file or from standard input:
         640x360,bgr24,30.
@@ -89,31 +108,24 @@ def track(
         LOW,HIGH: the values shown as black and as white, for sources with more than 8 bits per
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
+    span = Span(moment_option("--start", start), moment_option("--end", end))
     if not box:
         raise ArgumentError(
             f"{source}: no target is given: give the box of one in the first frame, in pixels, "
             "--box x,y,width,height"
         )
-    targets = [_planned(text) for text in box]
+    targets = parse_boxes(box)
+    span.check(targets)
     options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
     if out is None and results is None and plot is None:
         paths = OutputPaths.default(_stem(source), len(targets), overwrite)
     else:
         paths = OutputPaths.explicit(out, results, plot, layout, len(targets), overwrite)
-    paths.check(source, tracker_options.weight_files())
-    report_leftover_parts(paths.leftover_parts)
-    job = TrackJob(options, paths, tracker_options, config, side_by_side=side_by_side)
-    run_track(job, targets, [TerminalProgress()])
-
-
-def _planned(text: str) -> PlannedTarget:
-    try:
-        x, y, w, h = (float(number) for number in text.split(","))
-    except ValueError:
-        raise ArgumentError(
-            f"--box {text!r} is not a box: give x,y,width,height in pixels, such as 120,80,40,60"
-        ) from None
-    return PlannedTarget((x, y, w, h), label=f"--box {text}")
+    paths.check(source, [*tracker_options.weight_files(), *box_files(box)])
+    if not quiet:
+        report_leftover_parts(paths.leftover_parts)
+    job = TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
+    run_track(job, targets, [TerminalProgress(quiet=quiet)])
 
 
 def _raw_format(text: str | None) -> RawFormat | None:

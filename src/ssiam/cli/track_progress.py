@@ -60,6 +60,8 @@ class TerminalProgress:
             TimeRemainingColumn(),
             console=console,
             transient=True,
+            redirect_stdout=False,  # which may carry results
+            redirect_stderr=False,
             disable=quiet or not console.is_terminal,
         )
         self._task = self._bar.add_task("tracking", total=None, speed="")

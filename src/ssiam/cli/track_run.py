@@ -18,6 +18,7 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
+from ssiam.video.results import STDOUT
 
 
 @dataclass(frozen=True)
@@ -260,7 +261,8 @@ def _report(
         return
     undecoded = [f"source: {_undecoded(frames)}"] if frames.info.undecoded else []
     notes = [*(f"source: {line}" for line in frames.info.notes), *undecoded, *outputs.notes]
-    summary.print(sys.stdout, outputs.locations(), notes)
+    is_piped = str(job.paths.results) == STDOUT
+    summary.print(sys.stderr if is_piped else sys.stdout, outputs.locations(), notes)
 
 
 def _check_complete(frames: Source, run: _Targets, summary: Summary) -> None:

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
-from ssiam.outputs import ClosedOnExit, PartFile, check_output
+from ssiam.outputs import ClosedOnExit, PartFile, check_output, output_error
 from ssiam.track import Track
 
 COLUMNS = (
@@ -29,8 +29,12 @@ previous frame, at the image center; `inliers` is the share of points that agree
 columns after `target` are empty (null) while a target waits for the frame in which it begins.
 """
 
+STDOUT = "-"
+"""Path of results that go to standard output, as JSON lines."""
+
 # Decimals: a thousandth of a pixel, a microsecond, a microradian.
 _PIXEL_DECIMALS, _SCORE_DECIMALS, _FINE_DECIMALS = 3, 4, 6
+_STDOUT_DEVICE = Path("/dev/stdout")
 _TEXT_LAYOUTS = ("otb", "vot", "mot")
 _BY_SUFFIX = {".csv": "csv", ".jsonl": "jsonl", ".txt": _TEXT_LAYOUTS[0]}
 
@@ -58,8 +62,9 @@ def open_results(
     Parameters
     ----------
     path : str or Path
-        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``. Pixels are 0-based,
-        frames count from 0 and targets from 1, unless the layout differs.
+        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``; ``-`` for standard
+        output, as JSON objects. Pixels are 0-based, frames count from 0 and targets from 1, unless
+        the layout differs.
     layout : "otb", "vot", "mot" or None
         Layout of a ``.txt``; None means "otb". otb: ``x,y,w,h``, 1-based. vot: ``x,y,w,h`` or
         four corners, 0-based, after a first line ``1``. mot: all targets in one file, 1-based.
@@ -75,15 +80,26 @@ def open_results(
         A file cannot be written, or exists and `overwrite` is False, or the kind of file or the
         layout is unknown.
     """
-    paths = result_paths(path, layout=layout, targets=targets)
     chosen = _LAYOUTS[_layout_name(Path(path), layout)]
-    return ResultSink(paths, chosen, targets, overwrite=overwrite)
+    if str(path) == STDOUT:
+        return ResultSink([_StandardOutput()], chosen, targets)
+    paths = result_paths(path, layout=layout, targets=targets)
+    for each in paths:
+        check_output(each, overwrite=overwrite)
+    files = [_LineFile(PartFile(each, overwrite=overwrite)) for each in paths]
+    return ResultSink(files, chosen, targets)
 
 
 def result_paths(
     path: str | Path, *, layout: str | None = None, targets: int = 1
 ) -> tuple[Path, ...]:
-    """The files that `open_results` writes for the same arguments; raises the same `SinkError`."""
+    """The files that `open_results` writes for the same arguments; raises the same `SinkError`.
+
+    Standard output counts as its device.
+    """
+    if str(path) == STDOUT:
+        _layout_name(Path(path), layout)
+        return (_STDOUT_DEVICE,)
     path, chosen = Path(path), _LAYOUTS[_layout_name(Path(path), layout)]
     if targets < 1:
         raise ValueError(f"targets is {targets}; there must be at least 1")
@@ -93,7 +109,7 @@ def result_paths(
 
 
 def _layout_name(path: Path, layout: str | None) -> str:
-    by_suffix = _BY_SUFFIX.get(path.suffix.lower())
+    by_suffix = "jsonl" if str(path) == STDOUT else _BY_SUFFIX.get(path.suffix.lower())
     if by_suffix is None:
         known = " ".join(_BY_SUFFIX)
         raise SinkError(f"{path}: unknown kind of results; name it with one of {known}")
@@ -118,18 +134,16 @@ class ResultSink(NotCopyable, ClosedOnExit):
     ------
     SinkError
         On construction, writing or closing: a file cannot be written.
+    BrokenPipeError
+        On writing: the reader of standard output has closed it.
     """
 
-    def __init__(
-        self, paths: Sequence[Path], layout: _Layout, targets: int, *, overwrite: bool = True
-    ) -> None:
-        for path in paths:
-            check_output(path, overwrite=overwrite)
+    def __init__(self, files: Sequence[_Lines], layout: _Layout, targets: int) -> None:
         self._layout = layout
         self._targets = targets
         self._begun: set[int] = set()  # targets that have a track
         self._is_empty = True
-        self._files = [_LineFile(PartFile(path, overwrite=overwrite)) for path in paths]
+        self._files = list(files)
         if layout.header is not None:
             self._files[0].write_line(layout.header)
 
@@ -174,7 +188,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
             self._file(row.target).write_line(line)
             self._is_empty = False
 
-    def _file(self, target: int) -> _LineFile:
+    def _file(self, target: int) -> _Lines:
         return self._files[target - 1 if self._layout.one_target else 0]
 
     def close(self) -> None:
@@ -190,6 +204,44 @@ class ResultSink(NotCopyable, ClosedOnExit):
             file.close()
             if self._is_empty:
                 file.discard()
+
+
+class _Lines(Protocol):
+    """Where lines are written."""
+
+    @property
+    def location(self) -> Path | None: ...
+
+    def write_line(self, line: str) -> None: ...
+
+    def close(self) -> None: ...
+
+    def finish(self) -> None: ...
+
+    def discard(self) -> None: ...
+
+
+class _StandardOutput:
+    """Standard output; each line is flushed, so that a reader gets it at once."""
+
+    location: Path | None = None
+
+    def write_line(self, line: str) -> None:
+        try:
+            print(line, flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise output_error(_STDOUT_DEVICE, error) from error
+
+    def close(self) -> None:
+        """Standard output belongs to the process."""
+
+    def finish(self) -> None:
+        """Every line is complete already."""
+
+    def discard(self) -> None:
+        """Lines that were written cannot be taken back."""
 
 
 class _LineFile:
