@@ -20,6 +20,7 @@ from ssiam.cli.options import (
     parse_levels,
     report_leftover_parts,
 )
+from ssiam.cli.pick import pick_boxes
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
@@ -37,8 +38,9 @@ def track(
         list[str] | None,
         Parameter(group=TARGET_GROUP, negative=(), allow_leading_hyphen=True),
     ] = None,
-    start: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
-    end: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
+    pick: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
+    start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
+    end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
         Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
@@ -76,6 +78,9 @@ def track(
         also as four words. MOMENT:x,y,width,height is a target that begins later: 300: at a
         frame, 12s: or 0:12: at a time. @FILE.csv has a target in each line: columns x,y,w,h and,
         if it begins later, frame or time. Repeat for further targets.
+    pick
+        Track nothing: write the first frame, or that of --start, with numbered proposals to
+        NAME-pick.png, and print the command that tracks each of them.
     start
         First frame that is tracked and written: a frame number, from 0 (300), or a time by the
         frames' timestamps (12s, 0:12, 1:02:03.5), which means the first frame at or after it.
@@ -109,14 +114,23 @@ def track(
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
+    options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
+    if pick:
+        if box:
+            raise ArgumentError(f"--pick proposes boxes, and --box {box[0]} gives one: omit one")
+        span.check([])
+        given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
+        moments = (("--start", start), ("--end", end))
+        words = [f"{value}" for name, text in (*given, *moments) if text for value in (name, text)]
+        pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
+        return
     if not box:
         raise ArgumentError(
-            f"{source}: no target is given: give the box of one in the first frame, in pixels, "
-            "--box x,y,width,height"
+            f"{source}: no target is given: --pick proposes some in its first frame, and "
+            "--box x,y,width,height gives one, in pixels"
         )
     targets = parse_boxes(box)
     span.check(targets)
-    options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
     if out is None and results is None and plot is None:
         paths = OutputPaths.default(_stem(source), len(targets), overwrite)
     else:

@@ -91,7 +91,7 @@ def run_track(
     """
     with ExitStack() as stack:
         frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
-        selected = _selected(frames, job.span, targets)
+        selected = selected_frames(frames, job.span, targets)
         first = next(selected)
         for target in targets:
             _check_box(target, frames.size_wh)
@@ -183,7 +183,7 @@ class _Targets:
         return failed
 
 
-def _selected(
+def selected_frames(
     frames: Source, span: Span, targets: Sequence[PlannedTarget]
 ) -> Generator[Frame, None, None]:
     """The frames of the span.
