@@ -21,6 +21,7 @@ from ssiam.cli.options import (
     report_leftover_parts,
 )
 from ssiam.cli.pick import pick_boxes
+from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
@@ -41,6 +42,7 @@ def track(
     pick: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
     start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
+    backward: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
     out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
         Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
@@ -87,6 +89,10 @@ def track(
     end
         Last frame that is tracked and written, as for --start; a time means the last frame at or
         before it.
+    backward
+        Track from a later frame to the first one, or to --start. A --box without a time is then in
+        the last frame, or in that of --end. Results and video are in the order of the frames. The
+        source must be a file or a folder, which is read three times.
     out
         Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
         copied.
@@ -118,6 +124,11 @@ def track(
     if pick:
         if box:
             raise ArgumentError(f"--pick proposes boxes, and --box {box[0]} gives one: omit one")
+        if backward:
+            raise ArgumentError(
+                "--pick shows the first frame, and --backward starts at a later one: give --pick "
+                "--start FRAME, then --backward --box FRAME:x,y,width,height"
+            )
         span.check([])
         given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
         moments = (("--start", start), ("--end", end))
@@ -131,6 +142,8 @@ def track(
         )
     targets = parse_boxes(box)
     span.check(targets)
+    if backward and layout == "vot":
+        raise ArgumentError("--layout vot has a target's first line first: omit --backward")
     if out is None and results is None and plot is None:
         paths = OutputPaths.default(_stem(source), len(targets), overwrite)
     else:
@@ -139,7 +152,8 @@ def track(
     if not quiet:
         report_leftover_parts(paths.leftover_parts)
     job = TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
-    run_track(job, targets, [TerminalProgress(quiet=quiet)])
+    run = run_backward if backward else run_track
+    run(job, targets, [TerminalProgress(quiet=quiet)])
 
 
 def _raw_format(text: str | None) -> RawFormat | None:
