@@ -38,6 +38,8 @@ from ssiam.evaluation.runs.shaken_results import shaken_as
 
 Measured = TypeVar("Measured")
 
+_SUPERVISED: tuple[Experiment, ...] = ("baseline", "realtime")
+
 # Width of the tables if they do not go to a terminal, characters.
 _FILE_WIDTH = 120
 
@@ -201,12 +203,25 @@ def _trackers(results: Path, experiment: str) -> list[Path]:
     """The folders of trackers: the given one, or those in it, sorted by name."""
     if (results / experiment).is_dir():
         return [results]
-    found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())
+    inside = sorted(results.iterdir())
+    found = [path for path in inside if (path / experiment).is_dir()]
     if not found:
+        advice = "".join(
+            f"; it has those of --experiment {name}" for name in _kinds_in([results, *inside])[:1]
+        )
         raise ResultsError(
-            f"{results}: neither it nor a folder in it holds {experiment}/SEQUENCE/SEQUENCE_001.txt"
+            f"{results}: neither it nor a folder in it holds "
+            f"{experiment}/SEQUENCE/SEQUENCE_001.txt{advice}"
         )
     return found
+
+
+def _kinds_in(folders: Sequence[Path]) -> list[str]:
+    """The values of ``--experiment`` for which one of the folders has results."""
+    kinds: list[str] = [
+        name for name in _SUPERVISED if any((each / name).is_dir() for each in folders)
+    ]
+    return kinds or (["ope"] if any(map(holds_one_pass, folders)) else [])
 
 
 def _warn(notes: Sequence[str]) -> None:

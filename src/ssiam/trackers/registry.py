@@ -158,7 +158,8 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     if imported is None:
         raise WeightsError(
             f"tracker {name} needs weights: its authors publish {published.file} at "
-            f"{published.source}; give its path"
+            f"{published.source}; give its path (--weights PATH, weights=PATH), or import it once: "
+            f"ssiam weights import PATH --tracker {name}"
         )
     return imported
 

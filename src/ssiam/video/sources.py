@@ -124,6 +124,7 @@ def open_source(
     text = str(spec)
     camera = camera_index(text)
     if camera is not None:
+        _check_not_a_path(text, camera)
         return _open_camera(camera, options)
     if text == STDIN:
         return _open_stdin(raw, options)
@@ -172,12 +173,25 @@ def camera_index(spec: str) -> int | None:
     return None if camera is None else int(camera[1])
 
 
+def _check_not_a_path(text: str, camera: int) -> None:
+    """Raise `SourceError` for the name of a file or folder that also means a missing camera."""
+    if not _has_camera(camera) and Path(text).exists() and not text.startswith("/dev/"):
+        raise SourceError(
+            f"{text}: means camera {camera}, which there is not; for the file or folder of that "
+            f"name give ./{text}"
+        )
+
+
+def _has_camera(index: int) -> bool:
+    return sys.platform != "linux" or Path(f"/dev/video{index}").exists()
+
+
 def _open_camera(index: int, options: _Options) -> Source:
     name = f"camera {index}"
     options.check_no_stream(name)
     if options.levels is not None:
         raise SourceError(f"{name}: has 8 bits per value; omit the levels")
-    if index < 0 or (sys.platform == "linux" and not Path(f"/dev/video{index}").exists()):
+    if index < 0 or not _has_camera(index):
         raise SourceError(f"{name}: there is no such camera ({_available_cameras()})")
     # OpenCV and not PyAV, because it opens cameras by number on every system.
     capture = cv2.VideoCapture(index)
