@@ -13,6 +13,7 @@ import time
 
 import pytest
 
+from helpers.feed_servers import JpegCamera
 from helpers.synthetic import golden_video
 from helpers.tracked_clip import box_of, rows_of
 from ssiam.cli import main
@@ -116,6 +117,24 @@ def test_waiting_ends_with_a_signal_and_leaves_nothing(clip, start, tmp_path, so
     assert process.communicate(timeout=SECONDS) == ("", "")
     assert process.returncode == 143
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_camera_in_the_network_that_is_switched_on_later(start, tmp_path):
+    camera = JpegCamera(fps=40)
+    camera.hang_up()
+    with camera.on_air() as address:
+        process = start(address, (60, 30, 40, 40), "--results", "r.csv", "--out", "o.mkv")
+        line = process.stderr.readline()
+        assert line.startswith("ssiam: waiting for the source: http://127.0.0.1:")
+        assert "hunter2" not in line
+        camera.come_back()
+        part = tmp_path / "r.part.csv"
+        wait_for(lambda: part.exists() and part.read_bytes().count(b"\n") > 5)
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=SECONDS) == ("", "")
+    assert process.returncode == 143
+    assert len(rows_of(tmp_path / "r.csv")) > 4
+    assert len(list(open_source(tmp_path / "o.mkv"))) > 4
 
 
 def test_quiet_waits_in_silence(clip, start, tmp_path):

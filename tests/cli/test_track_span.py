@@ -11,7 +11,13 @@ import pytest
 from helpers.odd_clips import write_clip_with_sound
 from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run
 from ssiam.cli import main
+from ssiam.cli.moments import Moment, PlannedTarget, Span
+from ssiam.cli.options import TrackerOptions
+from ssiam.cli.track_outputs import OutputPaths
+from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.exchange.result_files import read_annotations
+from ssiam.stabilize import StabilizerConfig
+from ssiam.target_start import TargetStart
 from ssiam.video import VideoSink, open_source
 
 KCF = ("--tracker", "kcf")
@@ -140,6 +146,39 @@ def test_file_of_boxes_is_never_an_output(folder, tmp_path, capsys):
     assert track("clip.mp4", "--box", "@b.csv", "--results", "r.jsonl", "--end", "9") == 0
     rows = [json.loads(line) for line in (tmp_path / "r.jsonl").read_text().splitlines()]
     assert [row["x"] is None for row in rows if row["target"] == 2] == [True] * 5 + [False] * 5
+
+
+class Recorder:
+    """Progress as a list of calls."""
+
+    def __init__(self):
+        self.steps, self.written = [], []
+
+    def advance(self, done, total, fps):
+        self.steps.append((done, total))
+        assert fps is None or fps > 0
+
+    def finished(self, written):
+        self.written = [(kind, path.name) for kind, path in written]
+
+
+def test_a_run_with_given_starts_reports_its_progress(folder, tmp_path):
+    job = TrackJob(
+        SourceOptions("clip.mp4"),
+        OutputPaths.explicit(tmp_path / "o.mp4", tmp_path / "r.csv", None, None, 2, False),
+        TrackerOptions(tracker="kcf"),
+        StabilizerConfig(),
+        Span(end=Moment("19", frame=19)),
+        quiet=True,
+    )
+    starts = [TargetStart(5, tuple(folder[5])), TargetStart(0, tuple(folder[0]))]
+    progress = [Recorder(), Recorder()]
+    run_track(job, [PlannedTarget.from_start(each) for each in starts], progress)
+    for each in progress:
+        assert each.steps == [(done, 20) for done in range(1, 21)]
+        assert sorted(each.written) == [("results", "r.csv"), ("video", "o.mp4")]
+    lost = [row["lost"] for row in rows_of(tmp_path / "r.csv") if row["target"] == "1"]
+    assert [value == "" for value in lost] == [True] * 5 + [False] * 15
 
 
 def test_four_words_and_equal_results(folder, tmp_path):

@@ -121,18 +121,31 @@ def track(
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
     options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
+
+    def job_for(targets: int) -> TrackJob:
+        """The job of so many targets; raises if an output is an input or cannot be written."""
+        if out is None and results is None and plot is None:
+            paths = OutputPaths.default(_stem(source), targets, overwrite)
+        else:
+            paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
+        paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
+        if not quiet:
+            report_leftover_parts(paths.leftover_parts)
+        return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
+
+    if backward and layout == "vot":
+        raise ArgumentError("--layout vot has a target's first line first: omit --backward")
     if pick:
-        if box:
-            raise ArgumentError(f"--pick proposes boxes, and --box {box[0]} gives one: omit one")
-        if backward:
-            raise ArgumentError(
-                "--pick shows the first frame, and --backward starts at a later one: give --pick "
-                "--start FRAME, then --backward --box FRAME:x,y,width,height"
-            )
+        _check_pick(box, backward=backward)
         span.check([])
         given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
         moments = (("--start", start), ("--end", end))
-        words = [f"{value}" for name, text in (*given, *moments) if text for value in (name, text)]
+        words = [
+            f"{value}"
+            for name, text in (*given, *moments)
+            if text is not None
+            for value in (name, text)
+        ]
         pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
         return
     if not box:
@@ -142,18 +155,19 @@ def track(
         )
     targets = parse_boxes(box)
     span.check(targets)
-    if backward and layout == "vot":
-        raise ArgumentError("--layout vot has a target's first line first: omit --backward")
-    if out is None and results is None and plot is None:
-        paths = OutputPaths.default(_stem(source), len(targets), overwrite)
-    else:
-        paths = OutputPaths.explicit(out, results, plot, layout, len(targets), overwrite)
-    paths.check(source, [*tracker_options.weight_files(), *box_files(box)])
-    if not quiet:
-        report_leftover_parts(paths.leftover_parts)
-    job = TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
     run = run_backward if backward else run_track
-    run(job, targets, [TerminalProgress(quiet=quiet)])
+    run(job_for(len(targets)), targets, [TerminalProgress(quiet=quiet)])
+
+
+def _check_pick(box: list[str] | None, *, backward: bool) -> None:
+    """Raise `ArgumentError` for options that contradict ``--pick``."""
+    if box:
+        raise ArgumentError(f"--pick proposes boxes, and --box {box[0]} gives one: omit one")
+    if backward:
+        raise ArgumentError(
+            "--pick shows the first frame, and --backward starts at a later one: give --pick "
+            "--start FRAME, then --backward --box FRAME:x,y,width,height"
+        )
 
 
 def _raw_format(text: str | None) -> RawFormat | None:

@@ -17,6 +17,7 @@ from ssiam.cli.track_targets import TargetSet
 from ssiam.errors import ArgumentError, IncompleteError, StreamError
 from ssiam.geometry import check_box
 from ssiam.stabilize import StabilizerConfig
+from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 from ssiam.video.results import STDOUT
@@ -106,18 +107,20 @@ def run_track(
         summary = Summary(frames.name, job.tracker.tracker, job.config.stabilize, len(targets))
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
-        outputs.write(first, tracks)
-        summary.add(first.index, tracks)
-        done, total = 1, _expected_count(frames, job.span, first)
-        for frame, following in paired_frames(selected, frames.length, job.tracker.threads):
-            with summary.timer:
-                tracks = run.step(frame, following)
+        total = _expected_count(frames, job.span, first)
+
+        def write(frame: Frame, tracks: Sequence[Track | None]) -> None:
             summary.add(frame.index, tracks)
             summary.add_failures(frame.index, run.failures)
             outputs.write(frame, tracks, summary.timer.fps)
-            done += 1
             for each in progress:
-                each.advance(done, total, summary.timer.fps)
+                each.advance(summary.frames, total, summary.timer.fps)
+
+        write(first, tracks)
+        for frame, following in paired_frames(selected, frames.length, job.tracker.threads):
+            with summary.timer:
+                tracks = run.step(frame, following)
+            write(frame, tracks)
     check_complete(frames, summary, run.waiting)
 
 

@@ -60,6 +60,11 @@ class Summary:
         self._prev_stab_from_raw: Transform | None = None
         self._failures: dict[str, list[str]] = {}  # target or camera -> frame and error of each
 
+    @property
+    def frames(self) -> int:
+        """Number of frames so far."""
+        return self._frames
+
     def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
         """Count one written frame; the track of a target that has not begun is None."""
         self._frames += 1
