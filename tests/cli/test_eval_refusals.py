@@ -16,6 +16,8 @@ def inputs(tmp_path):
     results(tmp_path / "others", lengths={"another": 20})
     (tmp_path / "empty").mkdir()
     (tmp_path / "nothing" / "baseline").mkdir(parents=True)
+    (tmp_path / "once" / "ope").mkdir(parents=True)
+    (tmp_path / "timed" / "realtime").mkdir(parents=True)
     for name, text in [("damaged", "1\n1,2,3\n"), ("blank", ""), ("no_start", "2\n1\n2\n")]:
         results(tmp_path / name)
         vot_path(tmp_path / name, "bag").write_text(text)
@@ -26,6 +28,8 @@ REFUSED = [
     # name, arguments, words of the message
     ("no results", ("missing", "--dataset", "VOT2018.json"), "missing: there is no such folder"),
     ("an empty folder", ("empty", "--dataset", "VOT2018.json"), "empty: neither it nor a folder"),
+    ("one pass", ("once", "--dataset", "VOT2018.json"), "give --experiment ope"),
+    ("realtime", ("timed", "--dataset", "VOT2018.json"), "give --experiment realtime"),
     ("no files", ("nothing", "--dataset", "VOT2018.json"), "nothing: no results"),
     (
         "other experiment",

@@ -13,6 +13,7 @@ def inputs(clip, tmp_path_factory):
     (folder / "text.mp4").write_text("this is not a video\n")
     (folder / "empty").mkdir()
     (folder / "html").mkdir()
+    (folder / "001").mkdir()
     for part in ("backbone", "head"):
         (folder / "html" / f"{part}.onnx").write_text("<!DOCTYPE html><html>sign in</html>")
     return folder
@@ -38,6 +39,10 @@ NANO = ("--tracker", "nanotrack_v2")
         pytest.param(("CLIP", "--box", "999,5,9,9"), "outside", id="outside"),
         pytest.param((*CLIP_BOX, "--tracker", "magic"), "nanotrack_v3", id="unknown tracker"),
         pytest.param((*CLIP_BOX, *NANO), "needs weights", id="weights not given"),
+        pytest.param(
+            (*CLIP_BOX, *NANO), "--weights PATH", id="weights not given, names the option"
+        ),
+        pytest.param(("001", "--box", "1,2,3,4"), "give ./001", id="folder named like a camera"),
         pytest.param((*CLIP_BOX, *NANO, "--weights", "missing"), "missing", id="weights missing"),
         pytest.param((*CLIP_BOX, *NANO, "--weights", "html"), "web page", id="weights html"),
         pytest.param(

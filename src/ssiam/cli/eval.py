@@ -218,7 +218,7 @@ def _trackers(results: Path, experiment: str) -> list[Path]:
     """The folders of trackers: the given one, or those in it, sorted by name."""
     if (results / experiment).is_dir():
         return [results]
-    found = sorted(path for path in results.iterdir() if (path / experiment).is_dir())
+    found = [path for path in sorted(results.iterdir()) if (path / experiment).is_dir()]
     if not found:
         raise ResultsError(
             f"{results}: neither it nor a folder in it holds "

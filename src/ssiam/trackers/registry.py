@@ -157,7 +157,10 @@ def _required_weights(name: str, weights: Path | None) -> Path:
     imported = imported_weights(MODEL_ZOO[name])
     if imported is None:
         command = how_to_get_weights(name)
-        raise WeightsError(f"tracker {name} needs weights: {command}; or give their path")
+        raise WeightsError(
+            f"tracker {name} needs weights: {command}; "
+            "or give their path (--weights PATH, weights=PATH)"
+        )
     return imported
 
 

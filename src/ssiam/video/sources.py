@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ssiam.errors import SourceError, StreamError
-from ssiam.video.containers import Input, Pipe, open_container
+from ssiam.video.containers import Input, Pipe, Position, open_container
 from ssiam.video.frames import Source, TimedImages
 from ssiam.video.images import is_stack, open_folder, open_stack
 from ssiam.video.levels import Levels
@@ -70,6 +70,7 @@ class _Options:
     stream: int | None
     levels: Levels | None
     sound: bool
+    position: Position | None = None
 
     def check_no_stream(self, name: str) -> None:
         if self.stream is not None:
@@ -123,6 +124,7 @@ def open_source(
     text = str(spec)
     camera = camera_index(text)
     if camera is not None:
+        _check_not_a_path(text, camera)
         return _open_camera(camera, options)
     if text == STDIN:
         return _open_stdin(raw, options)
@@ -133,10 +135,55 @@ def open_source(
     return _open_path(text, raw, options)
 
 
+def open_file_at(
+    path: str,
+    position: Position,
+    *,
+    raw: RawFormat | None = None,
+    stream: int | None = None,
+    levels: tuple[float, float] | None = None,
+) -> Source:
+    """`Source` of a video file from the last key frame before a time on.
+
+    Parameters
+    ----------
+    path : str
+        A video file; not a folder or a file of images.
+    position : Position
+    raw, stream, levels
+        As for `open_source`; levels must be given for more than 8 bits per value.
+
+    Returns
+    -------
+    Source
+        Its frames count from 0 at the key frame; their times are those of the whole file.
+
+    Raises
+    ------
+    SourceError
+        The file cannot be opened or positioned.
+    """
+    options = _Options(stream, None if levels is None else Levels(*levels), False, position)
+    return _open_path(path, raw, options)
+
+
 def camera_index(spec: str) -> int | None:
     """Index of the camera that `spec` names, ``0`` or ``/dev/video0``; None for other sources."""
     camera = _CAMERA.fullmatch(spec)
     return None if camera is None else int(camera[1])
+
+
+def _check_not_a_path(text: str, camera: int) -> None:
+    """Raise `SourceError` for the name of a file or folder that also means a missing camera."""
+    if not _has_camera(camera) and Path(text).exists() and not text.startswith("/dev/"):
+        raise SourceError(
+            f"{text}: means camera {camera}, which there is not; for the file or folder of that "
+            f"name give ./{text}"
+        )
+
+
+def _has_camera(index: int) -> bool:
+    return sys.platform != "linux" or Path(f"/dev/video{index}").exists()
 
 
 def _open_camera(index: int, options: _Options) -> Source:
@@ -144,7 +191,7 @@ def _open_camera(index: int, options: _Options) -> Source:
     options.check_no_stream(name)
     if options.levels is not None:
         raise SourceError(f"{name}: has 8 bits per value; omit the levels")
-    if index < 0 or (sys.platform == "linux" and not Path(f"/dev/video{index}").exists()):
+    if index < 0 or not _has_camera(index):
         raise SourceError(f"{name}: there is no such camera ({_available_cameras()})")
     # OpenCV and not PyAV, because it opens cameras by number on every system.
     capture = cv2.VideoCapture(index)
@@ -265,7 +312,13 @@ def _open_path(text: str, raw: RawFormat | None, options: _Options) -> Source:
 
 
 def _with_options(given: Input, raw: RawFormat | None, options: _Options) -> Input:
-    given = replace(given, stream=options.stream, levels=options.levels, sound=options.sound)
+    given = replace(
+        given,
+        stream=options.stream,
+        levels=options.levels,
+        sound=options.sound,
+        position=options.position,
+    )
     if raw is None:
         return given
     return replace(

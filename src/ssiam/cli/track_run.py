@@ -1,0 +1,235 @@
+"""`run_track`: targets are tracked through a source, and everything is written."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+
+from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
+from ssiam.cli.options import TrackerOptions
+from ssiam.cli.track_outputs import OutputPaths, Outputs
+from ssiam.cli.track_progress import RunProgress
+from ssiam.cli.track_summary import Summary
+from ssiam.cli.track_targets import TargetSet
+from ssiam.errors import ArgumentError, IncompleteError, StreamError
+from ssiam.geometry import check_box
+from ssiam.stabilize import StabilizerConfig
+from ssiam.track import Track
+from ssiam.trackers import TrackerGroup
+from ssiam.video import Frame, RawFormat, Source, open_source, with_following
+from ssiam.video.results import STDOUT
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """A source and how it is opened; the fields are the arguments of `open_source`."""
+
+    spec: str
+    raw: RawFormat | None = None
+    stream: int | None = None
+    levels: tuple[float, float] | None = None
+
+    def open(self, *, sound: bool = False) -> Source:
+        """Open the source; raises as `open_source`."""
+        return open_source(
+            self.spec, raw=self.raw, stream=self.stream, levels=self.levels, sound=sound
+        )
+
+
+@dataclass(frozen=True)
+class TrackJob:
+    """Everything about a tracking run except its targets.
+
+    Attributes
+    ----------
+    source : SourceOptions
+    paths : OutputPaths
+        Of as many targets as are given to `run_track`; checked.
+    tracker : TrackerOptions
+    config : StabilizerConfig
+    span : Span
+        The frames that are tracked and written.
+    side_by_side : bool
+        Whether the video shows the stabilized view too.
+    quiet : bool
+        Whether no summary is printed.
+    """
+
+    source: SourceOptions
+    paths: OutputPaths
+    tracker: TrackerOptions
+    config: StabilizerConfig
+    span: Span = WHOLE_SOURCE
+    side_by_side: bool = False
+    quiet: bool = False
+
+    def new_group(self) -> TrackerGroup:
+        """A group of the job's tracker without targets; raises as `load_tracker`."""
+        return TrackerGroup(self.tracker.load(self.config), keep_going=True)
+
+
+def run_track(
+    job: TrackJob, targets: Sequence[PlannedTarget], progress: Sequence[RunProgress] = ()
+) -> None:
+    """Track `targets` through the source of `job` and write its outputs.
+
+    The outputs are finished under their names at the end of the source, after Ctrl-C, and if the
+    source breaks off.
+
+    Parameters
+    ----------
+    job : TrackJob
+    targets : sequence of PlannedTarget
+        At least one, in the order of their numbers.
+    progress : sequence of RunProgress
+        Each is told of every frame and of the end.
+
+    Raises
+    ------
+    SsiamError
+        Before anything is written: the source cannot be opened, the span or a box does not fit
+        it, or an output cannot be written. Later: the source or an output fails.
+    IncompleteError
+        At the end: a target failed on some frames or never began.
+    """
+    with ExitStack() as stack:
+        frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
+        selected = selected_frames(frames, job.span, targets)
+        first = next(selected)
+        for target in targets:
+            check_target_box(target, frames.size_wh)
+        run = TargetSet(job.new_group(), targets, partial(_has_begun, targets))
+        tracks = run.step(first)
+        outputs = Outputs(frames, job.paths, side_by_side=job.side_by_side, config=job.config)
+        summary = Summary(frames.name, job.tracker.tracker, job.config.stabilize, len(targets))
+        stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
+        stack.enter_context(outputs)
+        total = _expected_count(frames, job.span, first)
+
+        def write(frame: Frame, tracks: Sequence[Track | None]) -> None:
+            summary.add(frame.index, tracks)
+            summary.add_failures(frame.index, run.failures)
+            outputs.write(frame, tracks, summary.timer.fps)
+            for each in progress:
+                each.advance(summary.frames, total, summary.timer.fps)
+
+        write(first, tracks)
+        for frame, following in paired_frames(selected, frames.length, job.tracker.threads):
+            with summary.timer:
+                tracks = run.step(frame, following)
+            write(frame, tracks)
+    check_complete(frames, summary, run.waiting)
+
+
+def _has_begun(targets: Sequence[PlannedTarget], index: int, frame: Frame) -> bool:
+    begins = targets[index].begins
+    return begins is None or begins.is_reached(frame)
+
+
+def selected_frames(
+    frames: Source, span: Span, targets: Sequence[PlannedTarget]
+) -> Generator[Frame, None, None]:
+    """The frames of the span.
+
+    Raises
+    ------
+    ArgumentError
+        The span has no frame, or a target begins before it.
+    """
+    start, end = span.start, span.end
+    count, is_begun = 0, False
+    for frame in frames:
+        count += 1
+        if start is not None and not is_begun and not start.is_reached(frame):
+            for target in targets:
+                if target.begins is not None and target.begins.is_reached(frame):
+                    raise ArgumentError(begins_before_start(target, start))
+            if frames.info.sound is not None and frame.time is not None:
+                frames.info.sound.skip_until(frame.time)
+            continue
+        if end is not None and end.is_passed(frame):
+            break
+        is_begun = True
+        yield frame
+        if end is not None and end.frame == frame.index:
+            break
+    if is_begun or start is None:
+        return
+    if end is not None and count and end.is_passed(frame):
+        raise ArgumentError(f"--end {end.text} is before --start {start.text}: swap them")
+    raise ArgumentError(
+        f"--start {start.text} is after the end of {frames.name}, which has {count} frames: "
+        "give an earlier one"
+    )
+
+
+def _expected_count(frames: Source, span: Span, first: Frame) -> int | None:
+    """About how many frames the run will have; None if that is unknown."""
+    end = span.end
+    ends = [] if frames.length is None else [frames.length]
+    if end is not None and end.frame is not None:
+        ends.append(end.frame + 1)
+    if end is not None and end.seconds is not None:
+        ends.append(round(end.seconds * frames.fps) + 1)
+    return max(min(ends) - first.index, 1) if ends else None
+
+
+def paired_frames(
+    selected: Iterator[Frame], length: int | None, threads: int
+) -> Iterator[tuple[Frame, Frame | None]]:
+    """Each frame with the next one if that is available and a second core may work on it."""
+    if length is not None and threads > 1:
+        return with_following(selected)
+    return ((frame, None) for frame in selected)
+
+
+def check_target_box(target: PlannedTarget, size_wh: tuple[int, int]) -> None:
+    """Raise `ArgumentError`, with the target's label, for a box that does not fit the frame."""
+    try:
+        check_box(target.xywh, size_wh)
+    except ArgumentError as error:
+        raise ArgumentError(f"{target.label}: {error}") from None
+
+
+def report_end(
+    job: TrackJob,
+    frames: Source,
+    outputs: Outputs,
+    summary: Summary,
+    progress: Sequence[RunProgress],
+) -> None:
+    """Report the end of a run, after its outputs are closed."""
+    for each in progress:
+        each.finished(outputs.locations())
+    if job.quiet:
+        return
+    undecoded = [_undecoded(frames)] if frames.info.undecoded else []
+    source_notes = [f"source: {line}" for line in (*frames.info.notes, *undecoded)]
+    notes = [*source_notes, *outputs.notes]
+    is_piped = str(job.paths.results) == STDOUT
+    summary.print(sys.stderr if is_piped else sys.stdout, outputs.locations(), notes)
+
+
+def check_complete(frames: Source, summary: Summary, waiting: Sequence[PlannedTarget] = ()) -> None:
+    """Raise the error of a run that reached its end with parts missing.
+
+    `waiting` are the targets that have not begun.
+    """
+    summary.check_complete()
+    for target in waiting:
+        raise IncompleteError(
+            f"{target.label} begins after the last frame that was read of {frames.name}: it was "
+            "not tracked; give an earlier frame"
+        )
+    if frames.info.undecoded:
+        raise StreamError(
+            f"{frames.name}: {_undecoded(frames)}; the frames before and after them were tracked"
+        )
+
+
+def _undecoded(frames: Source) -> str:
+    count = frames.info.undecoded
+    return f"{count} frame{'s' * (count > 1)} could not be decoded and were skipped"
