@@ -132,7 +132,7 @@ class Targets:
         for frame in frames[1:]:
             track = tracker.update(frame.image)
         id = self._last_id + 1
-        color = _hex(COLORS[(id - 1) % len(COLORS)])
+        color = target_color(id - 1)
         state = _TargetState(id, name, color, frames[0].index, xywh, tracker, track)
         self._group.join(tracker, track.box)
         self._states.append(state)
@@ -212,5 +212,7 @@ def _checked_name(name: str) -> str:
     return normalized
 
 
-def _hex(bgr: Sequence[float]) -> str:
+def target_color(index: int) -> str:
+    """The color ``#rrggbb`` of the target with this index, from 0; as in annotated videos."""
+    bgr = COLORS[index % len(COLORS)]
     return "#" + "".join(f"{math.floor(value):02x}" for value in reversed(bgr))

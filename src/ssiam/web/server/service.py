@@ -17,7 +17,7 @@ from ssiam.web.server.outgoing import (
     recordings_message,
 )
 from ssiam.web.session import Session
-from ssiam.web.types import Command, HealthState, Step
+from ssiam.web.types import HealthState, Step
 
 
 class Service(Protocol):
@@ -31,15 +31,14 @@ class Service(Protocol):
         File of the page at ``/``.
     folder : str
         First part of the path of all files that can be downloaded.
-    takes_images : bool
-        Whether frames come from a browser.
     """
 
     index: str
     folder: str
 
     @property
-    def takes_images(self) -> bool: ...
+    def takes_images(self) -> bool:
+        """Whether frames come from a browser."""
 
     @property
     def newest(self) -> Step | None:
@@ -63,8 +62,8 @@ class Service(Protocol):
     def parse(self, text: str) -> Message:
         """Parse a client's message; raises as `parse_message`."""
 
-    def submit(self, command: Command) -> Future[Any]:
-        """Queue a command; as `Session.submit`."""
+    def submit(self, command: Any) -> Future[Any]:
+        """Queue a command that `parse` has returned; as `Session.submit`."""
 
     def push(self, image: Image) -> None:
         """Add a frame of a browser."""

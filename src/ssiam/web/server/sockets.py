@@ -19,7 +19,7 @@ from ssiam.web.server.incoming import Acknowledge, BadMessage, Message, View
 from ssiam.web.server.limits import ServerLimits, TokenBucket
 from ssiam.web.server.outgoing import done_message, error_message, step_message
 from ssiam.web.server.service import Service
-from ssiam.web.types import Command, CommandError
+from ssiam.web.types import CommandError
 
 _log = logging.getLogger(__name__)
 
@@ -267,7 +267,7 @@ class ClientSocket:
         if ask is not None:
             self.send(done_message(ask, None))
 
-    def _submit(self, command: Command, ask: int | None) -> None:
+    def _submit(self, command: Any, ask: int | None) -> None:
         if self._pending_commands >= self._limits.pending_commands:
             text = "too many commands are pending: wait for their answers"
             raise CommandError("not-possible", text)
