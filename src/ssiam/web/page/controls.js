@@ -144,7 +144,8 @@ function radioButton(method, index) {
 }
 
 /**
- * Handle the keys of the page, except those that a focused field or button handles.
+ * Handle the keys of the page wherever the focus is, except those that a focused field handles.
+ * A focused button is pressed by Enter.
  * @param {Record<string, () => void>} actions by key
  */
 export function watchKeys(actions) {
@@ -160,10 +161,14 @@ export function watchKeys(actions) {
     event.preventDefault();
     action();
   });
+  // A button takes the space bar when it is released.
+  document.addEventListener("keyup", (event) => {
+    if (event.key === " " && !help.open && !belongsToFocus(event)) event.preventDefault();
+  });
 }
 
-/** Whether the focused element handles the key. */
+/** Whether the focused element handles the key: a name is typed, a bar moved, a player paused. */
 function belongsToFocus({ key, target }) {
-  if (target.matches("input[type=text]")) return true;
-  return key === " " && target.matches("button, input, a, video");
+  if (target.matches("input[type=text]:not([readonly]), video")) return true;
+  return target.matches("input[type=range], input[type=radio]") && key.startsWith("Arrow");
 }
