@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Group
 
+from ssiam.cli.box_words import join_box_words
 from ssiam.errors import IncompleteError, SsiamError, StreamError
 
 SUCCESS, USAGE_ERROR, INCOMPLETE = 0, 2, 3
@@ -54,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Sent when the terminal is closed; nohup ignores it, which is kept.
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminate)
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = join_box_words(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0].startswith("-"):
         app.resolved_commands()  # the overview shows the first line of each command's help
     try:

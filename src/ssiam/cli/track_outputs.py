@@ -131,6 +131,7 @@ class Outputs:
     ) -> None:
         self._border = config.border
         self._side_by_side = side_by_side
+        self._main: int | None = None  # the target that began first, whose view is written
         self._video: VideoSink | None = None
         self._results: ResultSink | None = None
         self._plot: PathPlot | None = None
@@ -171,14 +172,18 @@ class Outputs:
             )
         return lines
 
-    def write(self, frame: Frame, tracks: Sequence[Track], fps: float | None = None) -> None:
-        """Write one frame and the tracks of its targets."""
+    def write(self, frame: Frame, tracks: Sequence[Track | None], fps: float | None = None) -> None:
+        """Write one frame and the tracks of its targets; None for those that have not begun."""
+        if self._main is None:
+            begun = (number for number, track in enumerate(tracks) if track is not None)
+            self._main = next(begun, None)
+        main = None if self._main is None else tracks[self._main]
         if self._results:
             self._results.write(frame.index, frame.time, tracks)
-        if self._plot:
-            self._plot.write(tracks[0])
+        if self._plot and main is not None:
+            self._plot.write(main)
         if self._video:
-            self._video.write(self._annotated(frame.image, tracks, fps), frame.time)
+            self._video.write(self._annotated(frame.image, tracks, main, fps), frame.time)
 
     def __enter__(self) -> Outputs:
         return self
@@ -203,11 +208,19 @@ class Outputs:
             if sink is not None:
                 sink.abandon()
 
-    def _annotated(self, image: Image, tracks: Sequence[Track], fps: float | None) -> Image:
-        drawn = draw_tracks(image, tracks, fps=fps)
+    def _annotated(
+        self,
+        image: Image,
+        tracks: Sequence[Track | None],
+        main: Track | None,
+        fps: float | None,
+    ) -> Image:
+        begun = {number: track for number, track in enumerate(tracks, 1) if track is not None}
+        numbers = list(begun) if len(tracks) > 1 else None
+        drawn = draw_tracks(image, list(begun.values()), fps=fps, numbers=numbers)
         if not self._side_by_side:
             return drawn
-        stab_from_raw = tracks[0].stab_from_raw
+        stab_from_raw = None if main is None else main.stab_from_raw
         view = FrameView(drawn, IDENTITY if stab_from_raw is None else stab_from_raw, self._border)
         return side_by_side(drawn, view.render())
 

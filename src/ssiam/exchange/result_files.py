@@ -83,6 +83,7 @@ def _annotation(record: _Record) -> Annotation:
     points = [record[f"{axis}{number}"] for number in "1234" for axis in "xy"]
     known = [value for value in points if value is not None]
     has_box = x is not None and y is not None and w is not None and h is not None
+    is_waiting = not has_box and record["lost"] is None
     return Annotation(
         _whole(record, "frame", 0, _LAST_FRAME),
         record["time"],
@@ -90,7 +91,7 @@ def _annotation(record: _Record) -> Annotation:
         (x, y, w, h) if has_box else NO_BOX,  # type: ignore[arg-type]
         tuple(zip(known[::2], known[1::2], strict=True)) if len(known) == len(points) else None,
         record["score"] or 0.0,
-        bool(_whole(record, "lost", 0, 1)) or not has_box,
+        is_waiting or bool(_whole(record, "lost", 0, 1)) or not has_box,
     )
 
 

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
-from ssiam.outputs import ClosedOnExit, PartFile, check_output
+from ssiam.outputs import ClosedOnExit, PartFile, check_output, output_error
 from ssiam.track import Track
 
 COLUMNS = (
@@ -25,11 +25,16 @@ COLUMNS = (
 """Columns of .csv and keys of .jsonl.
 
 Pixels, 0-based; seconds; radians. `dx`, `dy` and `angle_rad` are the camera motion since the
-previous frame, at the image center; `inliers` is the share of points that agree with it.
+previous frame, at the image center; `inliers` is the share of points that agree with it. All
+columns after `target` are empty (null) while a target waits for the frame in which it begins.
 """
+
+STDOUT = "-"
+"""Path of results that go to standard output, as JSON lines."""
 
 # Decimals: a thousandth of a pixel, a microsecond, a microradian.
 _PIXEL_DECIMALS, _SCORE_DECIMALS, _FINE_DECIMALS = 3, 4, 6
+_STDOUT_DEVICE = Path("/dev/stdout")
 _TEXT_LAYOUTS = ("otb", "vot", "mot")
 _BY_SUFFIX = {".csv": "csv", ".jsonl": "jsonl", ".txt": _TEXT_LAYOUTS[0]}
 
@@ -38,12 +43,15 @@ _Value: TypeAlias = float | int | bool | None
 
 @dataclass(frozen=True)
 class Row:
-    """One target in one frame: `frame` from 0, `time` in seconds or None, `target` from 1."""
+    """One target in one frame: `frame` from 0, `time` in seconds or None, `target` from 1.
+
+    `track` is None before the target begins.
+    """
 
     frame: int
     time: float | None
     target: int
-    track: Track
+    track: Track | None
 
 
 def open_results(
@@ -54,8 +62,9 @@ def open_results(
     Parameters
     ----------
     path : str or Path
-        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``. Pixels are 0-based,
-        frames count from 0 and targets from 1, unless the layout differs.
+        ``.csv`` (a table), ``.jsonl`` (its rows as JSON objects) or ``.txt``; ``-`` for standard
+        output, as JSON objects. Pixels are 0-based, frames count from 0 and targets from 1, unless
+        the layout differs.
     layout : "otb", "vot", "mot" or None
         Layout of a ``.txt``; None means "otb". otb: ``x,y,w,h``, 1-based. vot: ``x,y,w,h`` or
         four corners, 0-based, after a first line ``1``. mot: all targets in one file, 1-based.
@@ -71,15 +80,26 @@ def open_results(
         A file cannot be written, or exists and `overwrite` is False, or the kind of file or the
         layout is unknown.
     """
-    paths = result_paths(path, layout=layout, targets=targets)
     chosen = _LAYOUTS[_layout_name(Path(path), layout)]
-    return ResultSink(paths, chosen, targets, overwrite=overwrite)
+    if str(path) == STDOUT:
+        return ResultSink([_StandardOutput()], chosen, targets)
+    paths = result_paths(path, layout=layout, targets=targets)
+    for each in paths:
+        check_output(each, overwrite=overwrite)
+    files = [_LineFile(PartFile(each, overwrite=overwrite)) for each in paths]
+    return ResultSink(files, chosen, targets)
 
 
 def result_paths(
     path: str | Path, *, layout: str | None = None, targets: int = 1
 ) -> tuple[Path, ...]:
-    """The files that `open_results` writes for the same arguments; raises the same `SinkError`."""
+    """The files that `open_results` writes for the same arguments; raises the same `SinkError`.
+
+    Standard output counts as its device.
+    """
+    if str(path) == STDOUT:
+        _layout_name(Path(path), layout)
+        return (_STDOUT_DEVICE,)
     path, chosen = Path(path), _LAYOUTS[_layout_name(Path(path), layout)]
     if targets < 1:
         raise ValueError(f"targets is {targets}; there must be at least 1")
@@ -89,7 +109,7 @@ def result_paths(
 
 
 def _layout_name(path: Path, layout: str | None) -> str:
-    by_suffix = _BY_SUFFIX.get(path.suffix.lower())
+    by_suffix = "jsonl" if str(path) == STDOUT else _BY_SUFFIX.get(path.suffix.lower())
     if by_suffix is None:
         known = " ".join(_BY_SUFFIX)
         raise SinkError(f"{path}: unknown kind of results; name it with one of {known}")
@@ -114,18 +134,16 @@ class ResultSink(NotCopyable, ClosedOnExit):
     ------
     SinkError
         On construction, writing or closing: a file cannot be written.
+    BrokenPipeError
+        On writing: the reader of standard output has closed it.
     """
 
-    def __init__(
-        self, paths: Sequence[Path], layout: _Layout, targets: int, *, overwrite: bool = True
-    ) -> None:
-        for path in paths:
-            check_output(path, overwrite=overwrite)
+    def __init__(self, files: Sequence[_Lines], layout: _Layout, targets: int) -> None:
         self._layout = layout
         self._targets = targets
-        self._is_first = True
+        self._begun: set[int] = set()  # targets that have a track
         self._is_empty = True
-        self._files = [_LineFile(PartFile(path, overwrite=overwrite)) for path in paths]
+        self._files = list(files)
         if layout.header is not None:
             self._files[0].write_line(layout.header)
 
@@ -134,7 +152,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
         """The files that have the results now: the outputs, or their part files before `close`."""
         return tuple(file.location for file in self._files if file.location is not None)
 
-    def write(self, frame_index: int, time: float | None, tracks: Sequence[Track]) -> None:
+    def write(self, frame_index: int, time: float | None, tracks: Sequence[Track | None]) -> None:
         """Write the tracks of one frame, in the order of the targets.
 
         Parameters
@@ -143,8 +161,8 @@ class ResultSink(NotCopyable, ClosedOnExit):
             From 0.
         time : float or None
             Seconds; None if unknown.
-        tracks : sequence of Track
-            In raw-frame pixels, one per target.
+        tracks : sequence of Track or None
+            In raw-frame pixels, one per target; None before a target begins.
 
         Raises
         ------
@@ -153,12 +171,15 @@ class ResultSink(NotCopyable, ClosedOnExit):
         """
         if len(tracks) != self._targets:
             raise ValueError(f"{len(tracks)} tracks for {self._targets} targets")
-        for number, track in enumerate(tracks):
-            if self._is_first and self._layout.initial is not None:
-                self._file(number + 1).write_line(self._layout.initial)
+        for target, track in enumerate(tracks, start=1):
+            is_initial = track is not None and target not in self._begun
+            if is_initial:
+                self._begun.add(target)
+            if is_initial and self._layout.initial is not None:
+                self._file(target).write_line(self._layout.initial)
+                self._is_empty = False
             else:
-                self.write_row(Row(frame_index, time, number + 1, track))
-        self._is_first = self._is_empty = False
+                self.write_row(Row(frame_index, time, target, track))
 
     def write_row(self, row: Row) -> None:
         """Write one target of one frame; instead of `write` if the number of targets varies."""
@@ -167,7 +188,7 @@ class ResultSink(NotCopyable, ClosedOnExit):
             self._file(row.target).write_line(line)
             self._is_empty = False
 
-    def _file(self, target: int) -> _LineFile:
+    def _file(self, target: int) -> _Lines:
         return self._files[target - 1 if self._layout.one_target else 0]
 
     def close(self) -> None:
@@ -183,6 +204,44 @@ class ResultSink(NotCopyable, ClosedOnExit):
             file.close()
             if self._is_empty:
                 file.discard()
+
+
+class _Lines(Protocol):
+    """Where lines are written."""
+
+    @property
+    def location(self) -> Path | None: ...
+
+    def write_line(self, line: str) -> None: ...
+
+    def close(self) -> None: ...
+
+    def finish(self) -> None: ...
+
+    def discard(self) -> None: ...
+
+
+class _StandardOutput:
+    """Standard output; each line is flushed, so that a reader gets it at once."""
+
+    location: Path | None = None
+
+    def write_line(self, line: str) -> None:
+        try:
+            print(line, flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise output_error(_STDOUT_DEVICE, error) from error
+
+    def close(self) -> None:
+        """Standard output belongs to the process."""
+
+    def finish(self) -> None:
+        """Every line is complete already."""
+
+    def discard(self) -> None:
+        """Lines that were written cannot be taken back."""
 
 
 class _LineFile:
@@ -232,6 +291,9 @@ class _LineFile:
 def _record(row: Row) -> dict[str, _Value]:
     """The row by `COLUMNS`; None for missing values."""
     track = row.track
+    if track is None:
+        found = (row.frame, _rounded(row.time, _FINE_DECIMALS), row.target)
+        return dict(zip(COLUMNS, (*found, *(None,) * (len(COLUMNS) - len(found))), strict=True))
     corners = (None,) * 8 if track.corners is None else track.corners.ravel().tolist()
     values = (
         *(row.frame, _rounded(row.time, _FINE_DECIMALS), row.target),
@@ -256,9 +318,9 @@ def _json_line(row: Row) -> str:
 def _mot_line(row: Row) -> str | None:
     """MOTChallenge: ``frame,id,x,y,w,h,conf,-1,-1,-1``; frame, id, x and y are 1-based.
 
-    The format has no line for a lost target.
+    The format has no line for a target that is lost or has not begun.
     """
-    if row.track.lost or not _is_finite(row.track.box):
+    if row.track is None or row.track.lost or not _is_finite(row.track.box):
         return None
     box = _one_based(row.track.box)
     score = _rounded(row.track.score, _SCORE_DECIMALS)
@@ -266,16 +328,23 @@ def _mot_line(row: Row) -> str | None:
 
 
 def _otb_line(row: Row) -> str:
-    """OTB: ``x,y,w,h``; x and y are 1-based. One line per frame, also for a lost target."""
-    return _joined(_one_based(row.track.box) if _is_finite(row.track.box) else (0, 0, 0, 0))
+    """OTB: ``x,y,w,h``; x and y are 1-based. One line per frame, also for a lost target.
+
+    ``0,0,0,0`` before the target begins.
+    """
+    if row.track is None or not _is_finite(row.track.box):
+        return "0,0,0,0"
+    return _joined(_one_based(row.track.box))
 
 
 def _vot_line(row: Row) -> str:
     """VOT: ``x,y,w,h``, or the polygon ``x1,y1,...,x4,y4`` of a rotated box; 0-based pixels.
 
-    One line per frame, also for a lost target.
+    One line per frame, also for a lost target; ``0`` before the target begins.
     """
     track = row.track
+    if track is None:
+        return "0"
     region = track.box if track.corners is None else track.corners.ravel().tolist()
     if not _is_finite(region):
         return "0"
@@ -293,7 +362,7 @@ class _Layout:
     header : str or None
         First line of the file.
     initial : str or None
-        Replaces the line of a target's first frame.
+        Replaces the line of the frame in which a target begins.
     one_target : bool
         Whether each target has its own file.
     """

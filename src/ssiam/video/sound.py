@@ -50,6 +50,11 @@ class Sound:
         self._indexes = set()
         self._packets.clear()
 
+    def skip_until(self, seconds: float) -> None:
+        """Drop the packets that start before `seconds` since the first video frame."""
+        while self.next_before(seconds) is not None:
+            pass
+
     def next_before(self, seconds: float) -> tuple[Packet[Stream], Fraction] | None:
         """The next packet that starts before `seconds`, and its time; None if there is none.
 
