@@ -21,6 +21,7 @@ from ssiam.cli.options import (
     report_leftover_parts,
 )
 from ssiam.cli.track_outputs import OutputPaths
+from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.errors import ArgumentError
@@ -58,6 +59,8 @@ def track(
 ) -> None:
     """Track targets through a video from a moving camera.
 
+    Without --box, a page opens in the browser, on which the targets are clicked.
+
     Without --out, --results and --plot, the annotated video and a CSV file are written to the
     current folder. They are named after the source, and numbered if such files exist:
     clip-tracked.mp4, clip-tracked-2.mp4.
@@ -75,7 +78,8 @@ def track(
         Target in the first frame: x,y,width,height in pixels, with x and y of its top left corner,
         also as four words. MOMENT:x,y,width,height is a target that begins later: 300: at a
         frame, 12s: or 0:12: at a time. @FILE.csv has a target in each line: columns x,y,w,h and,
-        if it begins later, frame or time. Repeat for further targets.
+        if it begins later, frame or time. Repeat for further targets. Without this option, targets
+        are clicked on a page in the browser.
     start
         First frame that is tracked and written: a frame number, from 0 (300), or a time by the
         frames' timestamps (12s, 0:12, 1:02:03.5), which means the first frame at or after it.
@@ -109,23 +113,27 @@ def track(
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
-    if not box:
-        raise ArgumentError(
-            f"{source}: no target is given: give the box of one in the first frame, in pixels, "
-            "--box x,y,width,height"
-        )
-    targets = parse_boxes(box)
+    targets = parse_boxes(box or [])
     span.check(targets)
     options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
-    if out is None and results is None and plot is None:
-        paths = OutputPaths.default(_stem(source), len(targets), overwrite)
-    else:
-        paths = OutputPaths.explicit(out, results, plot, layout, len(targets), overwrite)
-    paths.check(source, [*tracker_options.weight_files(), *box_files(box)])
+
+    def job(count: int) -> TrackJob:
+        """The run for this number of targets; raises if its outputs cannot be written."""
+        if out is None and results is None and plot is None:
+            paths = OutputPaths.default(_stem(source), count, overwrite)
+        else:
+            paths = OutputPaths.explicit(out, results, plot, layout, count, overwrite)
+        paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
+        return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
+
+    first_job = job(max(len(targets), 1))
     if not quiet:
-        report_leftover_parts(paths.leftover_parts)
-    job = TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
-    run_track(job, targets, [TerminalProgress(quiet=quiet)])
+        report_leftover_parts(first_job.paths.leftover_parts)
+    progress = TerminalProgress(quiet=quiet)
+    if targets:
+        run_track(first_job, targets, [progress])
+    else:
+        choose_and_track(job, progress)
 
 
 def _raw_format(text: str | None) -> RawFormat | None:

@@ -15,7 +15,7 @@ from ssiam.copying import NotCopyable
 from ssiam.errors import IncompleteError, SsiamError
 from ssiam.target_start import TargetStart
 from ssiam.trackers import StabilizedTracker
-from ssiam.video import Source
+from ssiam.video import Frame, Source
 from ssiam.web.picking.commands import Progress, WrittenFile
 from ssiam.web.picking.proposals import BoxProposer
 from ssiam.web.picking.service import PickService
@@ -52,6 +52,8 @@ class PickPage(NotCopyable):
         As in `PageServer`; by default a free port of the loopback.
     needs_token : bool
         By default a token is needed on the loopback too: whoever opens the page could write files.
+    is_selectable : callable
+        Whether a target may begin in a frame: not before the part that is tracked.
     propose : callable, optional
         From an image and a point to a box; by default a `BoxProposer`.
     limits : ServerLimits, optional
@@ -74,12 +76,13 @@ class PickPage(NotCopyable):
         host: str = "127.0.0.1",
         port: int = 0,
         needs_token: bool = True,
+        is_selectable: Callable[[Frame], bool] = lambda frame: True,
         propose: Propose | None = None,
         limits: ServerLimits | None = None,
         grace: tuple[float, float] = (_PICKING_GRACE, _WRITTEN_GRACE),
     ) -> None:
         propose = BoxProposer().propose if propose is None else propose
-        self._session = PickSession(open_frames, tracker, name, propose)
+        self._session = PickSession(open_frames, tracker, name, propose, is_selectable)
         self._service = PickService(self._session, self._on_clients)
         self._server = PageServer(self._service, host, port, needs_token=needs_token, limits=limits)
         self._grace = grace
@@ -91,6 +94,11 @@ class PickPage(NotCopyable):
     def address(self) -> str:
         """What to open in a browser, with the token."""
         return self._server.address
+
+    @property
+    def port(self) -> int:
+        """Port of the page."""
+        return self._server.access.port
 
     def __enter__(self) -> PickPage:
         self._session.start()

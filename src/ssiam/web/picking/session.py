@@ -9,6 +9,7 @@ thread and change the state under its lock; listeners are called on the thread t
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import time
 from collections import deque
@@ -71,6 +72,9 @@ class PickSession:
         Name of the tracker.
     propose : callable
         Called on the session's thread.
+    is_selectable : callable
+        Whether a frame is in the part that is tracked, or after it; the first such frame is shown
+        at the start, and no target can begin before it.
     limits : SessionLimits, optional
 
     Raises
@@ -85,12 +89,14 @@ class PickSession:
         tracker: StabilizedTracker,
         name: str,
         propose: Propose,
+        is_selectable: Callable[[Frame], bool] = lambda frame: True,
         limits: SessionLimits | None = None,
     ) -> None:
         self.limits = limits or SessionLimits()
         self.tracker_name = name
         self.chosen, self.finished = threading.Event(), threading.Event()
         self._tracker, self._propose = tracker, propose
+        self._is_selectable = is_selectable
         self._reader = FrameReader(open_frames)
         self.source, self.size_wh = self._reader.name, self._reader.size_wh
         self.fps = self._reader.fps
@@ -158,8 +164,13 @@ class PickSession:
 
     def _run(self) -> None:
         try:
-            with suppress(SsiamError):
-                self._show(self._reader.read(0, lambda frame: True))
+            try:
+                self._show(
+                    self._reader.read(sys.maxsize, lambda each: not self._is_selectable(each))
+                )
+            except Exception:
+                # Nothing is shown, and no target can be chosen; a person sees why on the terminal.
+                _log.exception("the first frame of %s", self.source)
             while True:
                 with self._arrived:
                     self._arrived.wait_for(lambda: self._waiting or self._closing)
@@ -223,6 +234,9 @@ class PickSession:
         shown = None if self.newest is None else self.newest.frame
         if shown is None or shown.index != index:
             raise CommandError("too-old", f"frame {index} is not shown any more: try again")
+        if not self._is_selectable(shown):
+            text = f"frame {index} is before the part that is tracked: choose a later one"
+            raise CommandError("not-possible", text)
         return shown
 
     def _click(self, frame: Frame, point_xy: tuple[float, float]) -> int:
