@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 
-import cv2
 import numpy as np
 
 import ssiam
 from helpers.live_server import SHORT_LIMITS, Live
 from ssiam.errors import StreamError
-from ssiam.video import open_source
 from ssiam.video.frames import Source, SourceInfo
 from ssiam.web.picking.page import PickPage
 

@@ -53,6 +53,8 @@ def live(
 ) -> None:
     """Show a source in the browser; draw targets with the mouse to track them.
 
+    A file waits on its first frame for a visitor of the page, unless --mavlink or --rerun is given.
+
     Only this machine can open the page, unless --host is given; then the printed address contains
     a token that is required to open the page.
 
@@ -106,6 +108,9 @@ def live(
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
+        if session.info.seekable and mavlink is None and rerun is None:
+            # A file would be over before somebody has opened the page.
+            session.wait_on_first_frame()
         session.start()
         if mavlink is not None:
             from ssiam.web.mavlink.camera import MavlinkCamera

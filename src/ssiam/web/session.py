@@ -24,11 +24,13 @@ from ssiam.web.monitoring import ErrorReporter, Watchdog
 from ssiam.web.recording import Recordings
 from ssiam.web.targets import Targets
 from ssiam.web.types import (
+    Advance,
     Command,
     CommandError,
     Health,
     Hold,
     Note,
+    Pause,
     SessionInfo,
     SessionLimits,
     Step,
@@ -186,6 +188,11 @@ class Session(NotCopyable):
         """Add a frame (H, W, 3) uint8 BGR of a browser; ignored if that is not the source."""
         if isinstance(self._feed, PushedFeed):
             self._feed.push(image)
+
+    def wait_on_first_frame(self) -> None:
+        """Begin paused on the first frame. To be called before `start`."""
+        self.submit(Pause(True))
+        self.submit(Advance())
 
     def start(self) -> None:
         """Start tracking. May be called once."""

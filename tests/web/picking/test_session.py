@@ -122,9 +122,7 @@ def test_a_preview_shows_one_second_with_all_targets_of_it(page, ask):
     page._session.listen(steps.append, lambda state: None)
     ask(Preview())
     shown = [(step.frame.index, [t.name for t in step.targets]) for step in steps]
-    assert shown == [
-        (index, ["target 1", "target 2"][: 1 + (index >= 4)]) for index in range(10)
-    ]
+    assert shown == [(index, ["target 1", "target 2"][: 1 + (index >= 4)]) for index in range(10)]
     assert all(step.playback == "playing" for step in steps)
     assert page._session.state.phase == "picking"
 

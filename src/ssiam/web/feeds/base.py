@@ -129,8 +129,10 @@ class Feed:
                 self._released_at = time.monotonic()
                 self._changed.notify_all()
 
-    def restart(self) -> None:
-        """Play again from frame 0, also after the end; while paused, that frame is released.
+    def restart(self, index: int = 0) -> None:
+        """Play again from a frame on, also after the end; while paused, that frame is released.
+
+        If the source ends before that frame, nothing is played.
 
         Raises
         ------

@@ -47,7 +47,7 @@ export class Controls {
   }
 
   /** Start a session. */
-  begin({ source, methods, seekable }) {
+  begin({ source, methods, seekable, length }) {
     const short = source.includes("://") ? source : source.split("/").at(-1);
     byId("source").textContent = short;
     byId("source").title = source;
@@ -55,6 +55,7 @@ export class Controls {
     byId("methods").querySelectorAll("label").forEach((label) => label.remove());
     methods.forEach((method, index) => byId("methods").append(radioButton(method, index)));
     byId("record").disabled = false;
+    byId("seek").hidden = !seekable || length === null;
     byId("restart").disabled = !seekable;
     byId("restart").title = seekable ? RESTART_TITLE : "This source cannot be restarted";
   }

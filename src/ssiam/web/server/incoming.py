@@ -240,6 +240,7 @@ _LIVE_PARSERS: Final[Parsers] = {
     "resume": lambda fields: Pause(False),
     "advance": lambda fields: Advance(),
     "restart": lambda fields: Restart(),
+    "seek": lambda fields: Restart(fields.integer("index", 0, MAX_NUMBER)),
     "record": lambda fields: Record(fields.flag("on")),
     **VIEW_PARSERS,
 }

@@ -101,6 +101,10 @@ def step_message(
         stabilize=step.stabilize,
         pictures=[{"view": view, "bytes": len(jpeg)} for view, jpeg in images],
         targets=[_target(target) for target in step.targets],
+        waiting=[
+            {"id": each.id, "name": each.name, "colour": each.color, "frame": each.frame}
+            for each in step.waiting
+        ],
         motion=None if step.motion is None else _motion(step.motion),
         stab_from_raw=[[rounded(v, _FINE_DIGITS) for v in row] for row in step.stab_from_raw[:2]],
         latency=rounded(step.done - step.arrived),
