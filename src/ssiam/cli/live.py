@@ -99,6 +99,8 @@ def live(
             recordings=recordings,
             stream=stream,
             levels=parse_levels(levels),
+            # Otherwise a file would be over before somebody has opened the page.
+            paused=mavlink is None and rerun is None,
         )
         stack.push(partial(_exit_if_stuck, session))
         stack.callback(session.close)
@@ -108,9 +110,6 @@ def live(
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             _show(Note("info", f"{text} lists them"))
         server = LiveServer(session, host, port, needs_token=token)
-        if session.info.seekable and mavlink is None and rerun is None:
-            # A file would be over before somebody has opened the page.
-            session.wait_on_first_frame()
         session.start()
         if mavlink is not None:
             from ssiam.web.mavlink.camera import MavlinkCamera

@@ -65,7 +65,7 @@ class Engine:
         self._stabilizer = Stabilizer(StabilizerConfig("paper"))
         self._history = StepHistory()
         self._done_times: deque[float] = deque(maxlen=_RATE_STEPS)
-        self._is_paused = False
+        self._is_paused = feed.paused
         self._size_wh: tuple[int, int] | None = None
         self._is_start = True  # whether the next frame is the first one of its source
         self._first_index = 0  # of the source, before which no target begins

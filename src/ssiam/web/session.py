@@ -24,13 +24,11 @@ from ssiam.web.monitoring import ErrorReporter, Watchdog
 from ssiam.web.recording import Recordings
 from ssiam.web.targets import Targets
 from ssiam.web.types import (
-    Advance,
     Command,
     CommandError,
     Health,
     Hold,
     Note,
-    Pause,
     SessionInfo,
     SessionLimits,
     Step,
@@ -105,6 +103,7 @@ class Session(NotCopyable):
         recordings: Path | None = None,
         stream: int | None = None,
         levels: tuple[float, float] | None = None,
+        paused: bool = False,
     ) -> Session:
         """A session on a source, not started yet.
 
@@ -121,9 +120,13 @@ class Session(NotCopyable):
             Folder for recordings; without it they are deleted with the session.
         stream, levels
             As in `ssiam.video.open_source`.
+        paused : bool
+            Whether a file begins paused on its first frame.
         """
         notes: Listeners[Note] = Listeners()
-        feed = open_feed(source, pace=pace, notify=notes.notify, stream=stream, levels=levels)
+        feed = open_feed(
+            source, pace=pace, notify=notes.notify, stream=stream, levels=levels, paused=paused
+        )
         try:
             return cls(feed, tracker, name, Recordings(recordings), notes)
         except SsiamError:
@@ -188,11 +191,6 @@ class Session(NotCopyable):
         """Add a frame (H, W, 3) uint8 BGR of a browser; ignored if that is not the source."""
         if isinstance(self._feed, PushedFeed):
             self._feed.push(image)
-
-    def wait_on_first_frame(self) -> None:
-        """Begin paused on the first frame. To be called before `start`."""
-        self.submit(Pause(True))
-        self.submit(Advance())
 
     def start(self) -> None:
         """Start tracking. May be called once."""

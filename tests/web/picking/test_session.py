@@ -96,6 +96,11 @@ def test_a_refused_command_changes_nothing(page, ask, command, code):
     assert page._session.state == before
 
 
+def test_a_target_that_does_not_exist_cannot_be_removed(ask):
+    with pytest.raises(CommandError, match="no target 1"):
+        ask(Discard(1))
+
+
 def test_nothing_is_tracked_without_a_target(page, ask):
     for command in (TrackAll(), Preview()):
         with pytest.raises(CommandError, match="no target"):

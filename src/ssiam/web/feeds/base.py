@@ -92,6 +92,11 @@ class Feed:
             return "playing" if self._state == "ended" and not is_over else self._state
 
     @property
+    def paused(self) -> bool:
+        """Whether the feed is paused."""
+        return self._paused
+
+    @property
     def dropped(self) -> int:
         """Number of frames replaced by newer ones since the beginning, pauses excluded."""
         return self._dropped

@@ -71,6 +71,8 @@ class PacedFeed(Feed):
         Whether each frame waits until it is taken; the clock is then not used.
     stop : callable or None
         Called by `close` to end a source that may block.
+    paused : bool
+        Whether the feed begins paused, after its first frame.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class PacedFeed(Feed):
         reopen: Callable[[], Source] | None = None,
         every_frame: bool = False,
         stop: Callable[[], None] | None = None,
+        paused: bool = False,
     ) -> None:
         super().__init__(source.name, source.size_wh, float(source.fps), source.length)
         self.pixel_aspect = source.info.pixel_aspect
@@ -91,6 +94,7 @@ class PacedFeed(Feed):
         self._stop = stop
         # Number of the current run; a reader of an earlier one notices the difference and ends.
         self._run = 0
+        self._paused, self._passes = paused, int(paused)
         self._thread = self._reader_of(source)
         self._thread.start()
 

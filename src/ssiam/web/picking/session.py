@@ -213,7 +213,8 @@ class PickSession:
             case Adjust(id, xywh):
                 self._adjust(id, xywh)
             case Discard(id):
-                self._set_targets([each for each in self._state.targets if each != self._find(id)])
+                removed = self._find(id)
+                self._set_targets([each for each in self._state.targets if each != removed])
             case Undo():
                 self._take_back()
             case Preview(id):
