@@ -167,14 +167,12 @@ def test_nonsense_is_answered(client, text):
 
 
 def test_a_client_that_floods_does_not_disturb_a_person():
-    options = {"grace": (60, 60), "limits": ServerLimits()}
+    options = {"grace": (60, 60), "limits": ServerLimits(handshake_seconds=1)}
     with picking(**options) as page, Client(as_live(page)) as person:
         nonsense = frame(1, b'{"type":"un"}')
         flood = raw_socket(as_live(page))
         flood.sendall(handshake(as_live(page)))
-        attack = threading.Thread(
-            target=send_until_closed, args=(flood, frame(1, b'{"type":"un"}'))
-        )
+        attack = threading.Thread(target=send_until_closed, args=(flood, nonsense))
         attack.start()
         while attack.is_alive():
             assert person.ask(type="seek", index=1)["answer"] == 1

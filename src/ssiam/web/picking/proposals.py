@@ -57,9 +57,9 @@ class BoxProposer:
     Threads: any number may share it.
 
     The click says where an object is, but not how large it is. Templates of several sizes and
-    shapes are taken around the point, and each is searched for in the same frame. Where box and
-    mask of a template agree, it has probably found an object; where the masks of many templates
-    agree, that is the object. The networks are always those of `lite`, whichever tracker is used.
+    shapes are taken around the point, and each is searched for in the same frame. A template whose
+    box and mask agree has probably found an object; the object is what the masks of most such
+    templates agree on. The networks are always those of `lite`, whichever tracker is used.
 
     Parameters
     ----------
@@ -142,11 +142,12 @@ def _mask_box(mask: np.ndarray, point_xy: Floats) -> XYWH | None:
 
 
 def _most_supported(candidates: list[_Candidate]) -> _Candidate:
-    """The candidate whose box and mask agree, and whose mask most others agree with."""
+    """The candidate whose mask the others agree with, weighted by how much each can be trusted."""
+    weights = [each.agreement for each in candidates]
 
     def support(candidate: _Candidate) -> float:
-        others = sum(float(iou(candidate.mask_box, each.mask_box)) for each in candidates)
-        return candidate.agreement * others
+        overlaps = (float(iou(candidate.mask_box, each.mask_box)) for each in candidates)
+        return sum(weight * overlap for weight, overlap in zip(weights, overlaps, strict=True))
 
     return max(candidates, key=support)
 
