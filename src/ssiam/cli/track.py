@@ -20,6 +20,8 @@ from ssiam.cli.options import (
     parse_levels,
     report_leftover_parts,
 )
+from ssiam.cli.pick import pick_boxes
+from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
@@ -38,8 +40,10 @@ def track(
         list[str] | None,
         Parameter(group=TARGET_GROUP, negative=(), allow_leading_hyphen=True),
     ] = None,
-    start: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
-    end: Annotated[str | None, Parameter(group=TARGET_GROUP)] = None,
+    pick: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
+    start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
+    end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
+    backward: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
     out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
         Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
@@ -80,12 +84,19 @@ def track(
         frame, 12s: or 0:12: at a time. @FILE.csv has a target in each line: columns x,y,w,h and,
         if it begins later, frame or time. Repeat for further targets. Without this option, targets
         are clicked on a page in the browser.
+    pick
+        Track nothing: write the first frame, or that of --start, with numbered proposals to
+        NAME-pick.png, and print the command that tracks each of them.
     start
         First frame that is tracked and written: a frame number, from 0 (300), or a time by the
         frames' timestamps (12s, 0:12, 1:02:03.5), which means the first frame at or after it.
     end
         Last frame that is tracked and written, as for --start; a time means the last frame at or
         before it.
+    backward
+        Track from a later frame to the first one, or to --start. A --box without a time is then in
+        the last frame, or in that of --end. Results and video are in the order of the frames. The
+        source must be a file or a folder, which is read three times.
     out
         Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
         copied.
@@ -113,9 +124,25 @@ def track(
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
+    options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
+    if pick:
+        if box:
+            raise ArgumentError(f"--pick proposes boxes, and --box {box[0]} gives one: omit one")
+        if backward:
+            raise ArgumentError(
+                "--pick shows the first frame, and --backward starts at a later one: give --pick "
+                "--start FRAME, then --backward --box FRAME:x,y,width,height"
+            )
+        span.check([])
+        given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
+        moments = (("--start", start), ("--end", end))
+        words = [f"{value}" for name, text in (*given, *moments) if text for value in (name, text)]
+        pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
+        return
     targets = parse_boxes(box or [])
     span.check(targets)
-    options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
+    if backward and layout == "vot":
+        raise ArgumentError("--layout vot has a target's first line first: omit --backward")
 
     def job(count: int) -> TrackJob:
         """The run for this number of targets; raises if its outputs cannot be written."""
@@ -126,14 +153,15 @@ def track(
         paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
         return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
 
-    first_job = job(max(len(targets), 1))
+    first_job = job(len(targets) or 1)
     if not quiet:
         report_leftover_parts(first_job.paths.leftover_parts)
+    run = run_backward if backward else run_track
     progress = TerminalProgress(quiet=quiet)
-    if targets:
-        run_track(first_job, targets, [progress])
+    if box:
+        run(first_job, targets, [progress])
     else:
-        choose_and_track(job, progress)
+        choose_and_track(job, run, progress)
 
 
 def _raw_format(text: str | None) -> RawFormat | None:

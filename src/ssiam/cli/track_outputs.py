@@ -24,7 +24,9 @@ from ssiam.video import (
     open_results,
     side_by_side,
 )
+from ssiam.video.plots import check_plot
 from ssiam.video.results import result_paths
+from ssiam.video.sinks import video_format
 from ssiam.video.source_files import check_distinct_from_source
 
 
@@ -99,11 +101,17 @@ class OutputPaths:
         ArgumentError
             An output is an input, or two outputs are one file.
         SinkError
-            An output cannot be written, or exists and must not be replaced.
+            An output cannot be written, is of an unknown kind, or exists and must not be replaced.
+        MissingExtraError
+            A plot is requested, and matplotlib is not installed.
         """
         check_distinct_from_source(self.files(), source, weights)
         for _, path in self.files():
             check_output(path, overwrite=self.overwrite)
+        if self.video is not None:
+            video_format(self.video)
+        if self.plot is not None:
+            check_plot(self.plot)
 
 
 class Outputs:

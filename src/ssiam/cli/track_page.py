@@ -6,11 +6,11 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from ssiam.cli.moments import PlannedTarget
 from ssiam.cli.track_progress import RunProgress
-from ssiam.cli.track_run import TrackJob, run_track
+from ssiam.cli.track_run import TrackJob
 from ssiam.errors import ArgumentError, MissingExtraError, SsiamError
 from ssiam.video import Frame
 from ssiam.video.sources import STDIN, camera_index, is_address
@@ -19,24 +19,29 @@ if TYPE_CHECKING:
     from ssiam.web.picking.page import PickPage
 
 _OTHER_WAYS = (
-    "give the box of a target in the first frame, --box x,y,width,height, or see what --pick shows"
+    "--pick proposes targets in the first frame, and --box x,y,width,height gives one, in pixels"
 )
 
 
-def choose_and_track(job_for: Callable[[int], TrackJob], progress: RunProgress) -> None:
+Run: TypeAlias = Callable[[TrackJob, Sequence[PlannedTarget], Sequence[RunProgress]], None]
+"""`run_track` or `run_backward`."""
+
+
+def choose_and_track(job_for: Callable[[int], TrackJob], run: Run, progress: RunProgress) -> None:
     """Let a person choose the targets on a page, track them, and show there what was written.
 
     Parameters
     ----------
     job_for : callable
-        The run for a number of targets.
+        The job for a number of targets.
+    run : callable
     progress : RunProgress
         Of the terminal.
 
     Raises
     ------
     SsiamError
-        The page is not possible here, or was closed; else as `run_track`.
+        The page is not possible here, or was closed; else as `run`.
     """
     job = job_for(1)
     source = job.source.spec
@@ -44,7 +49,7 @@ def choose_and_track(job_for: Callable[[int], TrackJob], progress: RunProgress) 
     try:
         from ssiam.web.picking.page import PickPage, open_in_browser
     except MissingExtraError as error:
-        raise MissingExtraError(f"{error}; or {_OTHER_WAYS}") from error
+        raise MissingExtraError(f"{error}; without it, {_OTHER_WAYS}") from error
 
     start = job.span.start
 
@@ -68,7 +73,7 @@ def choose_and_track(job_for: Callable[[int], TrackJob], progress: RunProgress) 
         targets = [PlannedTarget.from_start(each) for each in page.wait_for_targets()]
         shown = _PageProgress(page)
         try:
-            run_track(job_for(len(targets)), targets, [progress, shown])
+            run(job_for(len(targets)), targets, [progress, shown])
         except SsiamError as failure:
             page.finish(shown.written, [str(failure)])
             page.wait_until_done()
@@ -100,6 +105,6 @@ def _check_readable_twice(source: str) -> None:
     is_live = camera_index(source) is not None
     if is_live or (is_address(source) and not source.lower().startswith("file://")):
         raise ArgumentError(
-            f"no target is given: ssiam live opens a page to draw one in a camera or stream, or "
-            f"{_OTHER_WAYS}"
+            f"no target is given: ssiam live shows a camera or a stream on a page; "
+            f"here, {_OTHER_WAYS}"
         )

@@ -27,9 +27,10 @@ class RunProgress(Protocol):
         Parameters
         ----------
         done : int
-            Frames written so far.
+            Frames written so far. With ``--backward`` each frame counts twice: when it is tracked,
+            and when it is written.
         total : int or None
-            Announced number of frames, which may be wrong; None if it is unknown.
+            Expected value of `done` at the end, which may be wrong; None if it is unknown.
         fps : float or None
             Recent frames per second of the tracking alone; None before the first tracked frame.
         """

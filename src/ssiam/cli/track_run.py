@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 
 from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
 from ssiam.cli.options import TrackerOptions
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_summary import Summary
+from ssiam.cli.track_targets import TargetSet
 from ssiam.errors import ArgumentError, IncompleteError, StreamError
 from ssiam.geometry import check_box
 from ssiam.stabilize import StabilizerConfig
-from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 from ssiam.video.results import STDOUT
@@ -64,6 +65,10 @@ class TrackJob:
     side_by_side: bool = False
     quiet: bool = False
 
+    def new_group(self) -> TrackerGroup:
+        """A group of the job's tracker without targets; raises as `load_tracker`."""
+        return TrackerGroup(self.tracker.load(self.config), keep_going=True)
+
 
 def run_track(
     job: TrackJob, targets: Sequence[PlannedTarget], progress: Sequence[RunProgress] = ()
@@ -91,20 +96,20 @@ def run_track(
     """
     with ExitStack() as stack:
         frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
-        selected = _selected(frames, job.span, targets)
+        selected = selected_frames(frames, job.span, targets)
         first = next(selected)
         for target in targets:
-            _check_box(target, frames.size_wh)
-        run = _Targets(TrackerGroup(job.tracker.load(job.config), keep_going=True), targets)
+            check_target_box(target, frames.size_wh)
+        run = TargetSet(job.new_group(), targets, partial(_has_begun, targets))
         tracks = run.step(first)
         outputs = Outputs(frames, job.paths, side_by_side=job.side_by_side, config=job.config)
         summary = Summary(frames.name, job.tracker.tracker, job.config.stabilize, len(targets))
-        stack.callback(lambda: _report(job, frames, outputs, summary, progress))
+        stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
         outputs.write(first, tracks)
         summary.add(first.index, tracks)
         done, total = 1, _expected_count(frames, job.span, first)
-        for frame, following in _paired(selected, frames.length, job.tracker.threads):
+        for frame, following in paired_frames(selected, frames.length, job.tracker.threads):
             with summary.timer:
                 tracks = run.step(frame, following)
             summary.add(frame.index, tracks)
@@ -113,77 +118,15 @@ def run_track(
             done += 1
             for each in progress:
                 each.advance(done, total, summary.timer.fps)
-    _check_complete(frames, run, summary)
+    check_complete(frames, summary, run.waiting)
 
 
-class _Targets:
-    """The targets of a run, each tracked from the frame in which it begins.
-
-    Attributes
-    ----------
-    failures : mapping of str to Exception
-        What failed in the last frame, by name: "target 2", "camera".
-    """
-
-    def __init__(self, group: TrackerGroup, targets: Sequence[PlannedTarget]) -> None:
-        self._group = group
-        self._targets = targets
-        self._order: list[int] = []  # indexes of the targets in the group, in its order
-        self.failures: Mapping[str, Exception] = {}
-
-    @property
-    def waiting(self) -> list[PlannedTarget]:
-        """The targets that have not begun."""
-        return [each for index, each in enumerate(self._targets) if index not in self._order]
-
-    def step(self, frame: Frame, following: Frame | None = None) -> list[Track | None]:
-        """The targets in the next frame; None for those that have not begun.
-
-        `following` is the frame after it, if that is available.
-        """
-        starting = [
-            index
-            for index, target in enumerate(self._targets)
-            if index not in self._order
-            and (target.begins is None or target.begins.is_reached(frame))
-        ]
-        tracks: list[Track | None] = [None] * len(self._targets)
-        if self._order:
-            # The camera motion to the following frame must leave out the new targets too.
-            ahead = None if following is None or starting else following.image
-            for index, track in zip(
-                self._order, self._group.update(frame.image, ahead), strict=True
-            ):
-                tracks[index] = track
-            self.failures = self._named_failures()
-        if starting:
-            self._begin(frame, starting)
-            for index in starting:
-                tracks[index] = Track(self._targets[index].xywh, motion=self._group.motion)
-        return tracks
-
-    def _begin(self, frame: Frame, starting: Sequence[int]) -> None:
-        boxes = [self._targets[index].xywh for index in starting]
-        if not self._order:
-            self._group.init(frame.image, boxes)
-        else:
-            for box in boxes:
-                tracker = self._group.new_tracker()
-                tracker.init(frame.image, box)
-                self._group.join(tracker, box)
-        self._order += starting
-
-    def _named_failures(self) -> dict[str, Exception]:
-        failed = {
-            f"target {self._order[position] + 1}": error
-            for position, error in self._group.failures.items()
-        }
-        if self._group.camera_failure is not None:
-            failed["camera"] = self._group.camera_failure
-        return failed
+def _has_begun(targets: Sequence[PlannedTarget], index: int, frame: Frame) -> bool:
+    begins = targets[index].begins
+    return begins is None or begins.is_reached(frame)
 
 
-def _selected(
+def selected_frames(
     frames: Source, span: Span, targets: Sequence[PlannedTarget]
 ) -> Generator[Frame, None, None]:
     """The frames of the span.
@@ -231,7 +174,7 @@ def _expected_count(frames: Source, span: Span, first: Frame) -> int | None:
     return max(min(ends) - first.index, 1) if ends else None
 
 
-def _paired(
+def paired_frames(
     selected: Iterator[Frame], length: int | None, threads: int
 ) -> Iterator[tuple[Frame, Frame | None]]:
     """Each frame with the next one if that is available and a second core may work on it."""
@@ -240,14 +183,15 @@ def _paired(
     return ((frame, None) for frame in selected)
 
 
-def _check_box(target: PlannedTarget, size_wh: tuple[int, int]) -> None:
+def check_target_box(target: PlannedTarget, size_wh: tuple[int, int]) -> None:
+    """Raise `ArgumentError`, with the target's label, for a box that does not fit the frame."""
     try:
         check_box(target.xywh, size_wh)
     except ArgumentError as error:
         raise ArgumentError(f"{target.label}: {error}") from None
 
 
-def _report(
+def report_end(
     job: TrackJob,
     frames: Source,
     outputs: Outputs,
@@ -259,19 +203,23 @@ def _report(
         each.finished(outputs.locations())
     if job.quiet:
         return
-    undecoded = [f"source: {_undecoded(frames)}"] if frames.info.undecoded else []
-    notes = [*(f"source: {line}" for line in frames.info.notes), *undecoded, *outputs.notes]
+    undecoded = [_undecoded(frames)] if frames.info.undecoded else []
+    source_notes = [f"source: {line}" for line in (*frames.info.notes, *undecoded)]
+    notes = [*source_notes, *outputs.notes]
     is_piped = str(job.paths.results) == STDOUT
     summary.print(sys.stderr if is_piped else sys.stdout, outputs.locations(), notes)
 
 
-def _check_complete(frames: Source, run: _Targets, summary: Summary) -> None:
-    """Raise the error of a run that reached its end with parts missing."""
+def check_complete(frames: Source, summary: Summary, waiting: Sequence[PlannedTarget] = ()) -> None:
+    """Raise the error of a run that reached its end with parts missing.
+
+    `waiting` are the targets that have not begun.
+    """
     summary.check_complete()
-    if run.waiting:
+    for target in waiting:
         raise IncompleteError(
-            f"{run.waiting[0].label} begins after the last frame that was read of {frames.name}: "
-            "it was not tracked; give an earlier frame"
+            f"{target.label} begins after the last frame that was read of {frames.name}: it was "
+            "not tracked; give an earlier frame"
         )
     if frames.info.undecoded:
         raise StreamError(

@@ -80,6 +80,22 @@ class Pipe:
 
 
 @dataclass(frozen=True)
+class Position:
+    """Where to start decoding: at the last key frame before a time.
+
+    Attributes
+    ----------
+    seconds : float
+        Seconds since `origin`.
+    origin : Fraction
+        Time of the first frame by the clock of the container, seconds.
+    """
+
+    seconds: float
+    origin: Fraction
+
+
+@dataclass(frozen=True)
 class Input:
     """Input for PyAV.
 
@@ -105,6 +121,8 @@ class Input:
         Whether to keep the audio packets (`SourceInfo.sound`).
     is_remote : bool
         Whether it comes over a network, at the pace of the sender.
+    position : Position or None
+        Where to start; None for the first frame.
     """
 
     name: str
@@ -117,6 +135,7 @@ class Input:
     levels: Levels | None = None
     sound: bool = False
     is_remote: bool = False
+    position: Position | None = None
 
     @property
     def pipe(self) -> Pipe | None:
@@ -154,7 +173,10 @@ def open_container(given: Input) -> Source:
     pipe = given.pipe
     bytes_read = None if pipe is None else lambda: pipe.count
     truncation = TruncationCheck(container, stream, fps, bytes_read=bytes_read)
-    decoder = Decoder(container, stream, truncation, info, time_source)
+    origin = None if given.position is None else given.position.origin
+    decoder = Decoder(container, stream, truncation, info, time_source, origin)
+    if given.position is not None:
+        _seek(given, container, stream, given.position)
     images = _images(given, decoder, length)
     if rate.fps is None:
         first_times, images = _peeked(images)
@@ -180,6 +202,17 @@ def _open(given: Input) -> InputContainer:
         given.check_interrupted()
         # The cause would print the whole address, with its password.
         raise SourceError(f"{given.name}: {_reason(error)}; {given.advice}") from None
+
+
+def _seek(given: Input, container: InputContainer, stream: VideoStream, position: Position) -> None:
+    if stream.time_base is None:
+        raise SourceError(f"{given.name}: has no timestamps to seek by")
+    ticks = (Fraction(position.seconds) + position.origin) / stream.time_base
+    try:
+        container.seek(int(ticks), stream=stream)
+    except av.FFmpegError as error:
+        container.close()
+        raise SourceError(f"{given.name}: cannot be positioned ({_reason(error)})") from None
 
 
 def _video_stream(given: Input, container: InputContainer) -> VideoStream:

@@ -71,6 +71,9 @@ class Decoder:
         Receives the pixel aspect, the sound and the number of skipped frames.
     time_source : TimeSource
         Where the times of the frames come from.
+    origin : Fraction or None
+        Time from which the times count, by the clock of the container, if decoding does not start
+        at the first frame.
     """
 
     container: InputContainer
@@ -78,6 +81,7 @@ class Decoder:
     truncation: TruncationCheck
     info: SourceInfo
     time_source: TimeSource = TimeSource.STREAM
+    origin: Fraction | None = None
 
     def images(self) -> DecodedImages:
         """All images of the stream, each with its time in seconds since the first."""
@@ -91,7 +95,7 @@ class Decoder:
                     self.truncation.add_frame(frame)
                     last, orientation = self._seconds(frame, last), orientations.read(frame)
                     if started is None:
-                        started, origin = arrived, last
+                        started, origin = arrived, last if self.origin is None else self.origin
                         self._note_first(orientation, origin)
                     image = orientation.apply(_pixels(frame))
                     yield self._time(last, origin, arrived - started), image
@@ -109,6 +113,7 @@ class Decoder:
         aspect = self.stream.sample_aspect_ratio or Fraction(1)
         if aspect > 0:
             self.info.pixel_aspect = 1 / aspect if orientation.is_transposed else aspect
+        self.info.origin = origin
         if self.info.sound is not None:
             self.info.sound.origin = origin
 

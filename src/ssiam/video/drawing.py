@@ -32,6 +32,8 @@ _MASK_SHARE = 0.4
 _FAR = 1e5
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
 
+_TICKS = 8  # of a ruler, at most
+
 _PANEL_LABELS = ("raw", "stabilized")
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -49,6 +51,7 @@ def draw_tracks(
     *,
     fps: float | None = None,
     numbers: Sequence[int] | None = None,
+    labels: Sequence[str] | None = None,
 ) -> Image:
     """Draw every target into a copy of the frame.
 
@@ -67,6 +70,8 @@ def draw_tracks(
     numbers : sequence of int, optional
         Number of each target, from 1, for targets that come and go; 1, 2, ... by default. With
         `numbers`, a single target has a number too.
+    labels : sequence of str, optional
+        Label of each box; by default its number and its score.
 
     Returns
     -------
@@ -76,12 +81,13 @@ def draw_tracks(
     style = _TextStyle.for_image(canvas)
     lost = []
     is_numbered = numbers is not None or len(tracks) > 1
-    for number, track in zip(numbers or range(1, len(tracks) + 1), tracks, strict=True):
+    numbered = numbers or range(1, len(tracks) + 1)
+    for index, (number, track) in enumerate(zip(numbered, tracks, strict=True)):
         prefix = f"{number} " if is_numbered else ""
         if track.lost:
             lost.append(f"{prefix}LOST")
         else:
-            label = f"{prefix}{track.score:.2f}"
+            label = f"{prefix}{track.score:.2f}" if labels is None else labels[index]
             _draw_target(canvas, track, label, COLORS[(number - 1) % len(COLORS)], style)
     for line, text in enumerate(reversed(lost)):
         style.write(canvas, text, _lower_left(canvas, style, line), _LOST_COLOR)
@@ -144,6 +150,38 @@ def _lower_left(canvas: Image, style: _TextStyle, line: int) -> tuple[float, flo
 def _write_fps(canvas: Image, text: str, style: _TextStyle) -> None:
     x = canvas.shape[1] - style.gap - style.width_of(text)
     style.write(canvas, text, (x, style.gap + style.line_height), _WHITE)
+
+
+def draw_rulers(image: Image) -> Image:
+    """Draw pixel coordinates along the upper and the left edge of a copy of the frame.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 BGR
+
+    Returns
+    -------
+    (H, W, 3) uint8 BGR
+        With about `_TICKS` ticks along the longer side.
+    """
+    canvas = image.copy()
+    style = _TextStyle.for_image(canvas)
+    height, width = canvas.shape[:2]
+    step = _tick_step(max(width, height))
+    length = 3 * style.gap
+    for x in range(step, width, step):
+        _outline(canvas, [(x, 0), (x, length)], _WHITE, 1)
+        style.write(canvas, str(x), (x + style.gap, style.line_height), _WHITE)
+    for y in range(step, height, step):
+        _outline(canvas, [(0, y), (length, y)], _WHITE, 1)
+        style.write(canvas, str(y), (style.gap, y + style.line_height), _WHITE)
+    return canvas
+
+
+def _tick_step(side: int) -> int:
+    """Pixels between two ticks: the 1, 2 or 5 times a power of ten that gives about `_TICKS`."""
+    power = int(10 ** np.floor(np.log10(max(side / _TICKS, 1))))
+    return next(step for step in (power, 2 * power, 5 * power, 10 * power) if step * _TICKS >= side)
 
 
 def side_by_side(raw: Image, stabilized: Image) -> Image:

@@ -67,6 +67,11 @@ class SourceInfo:
         Number of frames so far that could not be decoded and were skipped.
     notes : list of str
         Assumptions made while reading, one line each, to show to the user.
+    origin : Fraction or None
+        Time of the first frame by the clock of the container, seconds; None until it is known, or
+        without timestamps.
+    levels : (low, high) or None
+        The levels that were estimated, for more than 8 bits per value.
     """
 
     is_variable: bool = False
@@ -75,6 +80,8 @@ class SourceInfo:
     sound: Sound | None = None
     undecoded: int = 0
     notes: list[str] = field(default_factory=list)
+    origin: Fraction | None = None
+    levels: tuple[float, float] | None = None
 
 
 class Source(NotCopyable):

@@ -172,6 +172,7 @@ class _LevelBuffer:
             return []
         self._levels = find_levels(image for _, image in buffered)
         if self._levels is not None:
+            self._info.levels = self._levels.low, self._levels.high
             option = f"{self._levels.low:.5g},{self._levels.high:.5g}"
             self._info.notes.append(
                 f"has more than 8 bits per value: scaled as with --levels {option}"

@@ -51,10 +51,7 @@ class PathPlot(NotCopyable, ClosedOnExit):
     """
 
     def __init__(self, path: Path, window: int, *, overwrite: bool = True) -> None:
-        if importlib.util.find_spec("matplotlib") is None:
-            raise MissingExtraError("a plot needs matplotlib: pip install 'ssiam[plot]'")
-        if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-            raise SinkError(f"{path}: a plot is written as .png, .svg or .pdf")
+        check_plot(path)
         check_output(path, overwrite=overwrite)
         self._path = path
         self._overwrite = overwrite
@@ -119,6 +116,14 @@ class PathPlot(NotCopyable, ClosedOnExit):
         file_format = self._path.suffix.lower()[1:]
         with atomic_write(self._path, "wb", overwrite=self._overwrite) as file:
             figure.savefig(file, dpi=130, format=file_format)
+
+
+def check_plot(path: Path) -> None:
+    """Raise `MissingExtraError` without matplotlib, `SinkError` for another kind of file."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("a plot needs matplotlib: pip install 'ssiam[plot]'")
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise SinkError(f"{path}: a plot is written as .png, .svg or .pdf")
 
 
 def _correction(track: Track, motion: Motion) -> tuple[float, ...]:

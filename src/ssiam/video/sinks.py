@@ -123,10 +123,7 @@ class VideoSink(NotCopyable, ClosedOnExit):
         self._pixel_aspect = pixel_aspect
         self._sound = sound
         self._copy: SoundCopy | None = None
-        muxer = _FORMATS.get(self.path.suffix.lower())
-        if muxer is None:
-            known = " ".join(_FORMATS)
-            raise SinkError(f"{self.path}: unknown kind of video; name it with one of {known}")
+        muxer = video_format(self.path)
         self._is_constant = muxer == "avi"
         step = max(1, math.ceil(_AVI_GRID / self._rate)) if is_variable else 1
         self._clock = _FrameClock(self._rate, whole_frames=self._is_constant, step=step)
@@ -264,6 +261,15 @@ class VideoSink(NotCopyable, ClosedOnExit):
             if not self._failed:
                 self._failed = True
                 raise self._part.error(error) from error
+
+
+def video_format(path: Path) -> str:
+    """FFmpeg's name of the format of a video with this name; `SinkError` if it is unknown."""
+    muxer = _FORMATS.get(path.suffix.lower())
+    if muxer is None:
+        known = " ".join(_FORMATS)
+        raise SinkError(f"{path}: unknown kind of video; name it with one of {known}")
+    return muxer
 
 
 def _create(path: Path, muxer: str) -> OutputContainer:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ssiam.errors import SourceError, StreamError
-from ssiam.video.containers import Input, Pipe, open_container
+from ssiam.video.containers import Input, Pipe, Position, open_container
 from ssiam.video.frames import Source, TimedImages
 from ssiam.video.images import is_stack, open_folder, open_stack
 from ssiam.video.levels import Levels
@@ -70,6 +70,7 @@ class _Options:
     stream: int | None
     levels: Levels | None
     sound: bool
+    position: Position | None = None
 
     def check_no_stream(self, name: str) -> None:
         if self.stream is not None:
@@ -131,6 +132,38 @@ def open_source(
     if is_address(text):
         text = unquote(urlsplit(text).path)
     return _open_path(text, raw, options)
+
+
+def open_file_at(
+    path: str,
+    position: Position,
+    *,
+    raw: RawFormat | None = None,
+    stream: int | None = None,
+    levels: tuple[float, float] | None = None,
+) -> Source:
+    """`Source` of a video file from the last key frame before a time on.
+
+    Parameters
+    ----------
+    path : str
+        A video file; not a folder or a file of images.
+    position : Position
+    raw, stream, levels
+        As for `open_source`; levels must be given for more than 8 bits per value.
+
+    Returns
+    -------
+    Source
+        Its frames count from 0 at the key frame; their times are those of the whole file.
+
+    Raises
+    ------
+    SourceError
+        The file cannot be opened or positioned.
+    """
+    options = _Options(stream, None if levels is None else Levels(*levels), False, position)
+    return _open_path(path, raw, options)
 
 
 def camera_index(spec: str) -> int | None:
@@ -265,7 +298,13 @@ def _open_path(text: str, raw: RawFormat | None, options: _Options) -> Source:
 
 
 def _with_options(given: Input, raw: RawFormat | None, options: _Options) -> Input:
-    given = replace(given, stream=options.stream, levels=options.levels, sound=options.sound)
+    given = replace(
+        given,
+        stream=options.stream,
+        levels=options.levels,
+        sound=options.sound,
+        position=options.position,
+    )
     if raw is None:
         return given
     return replace(

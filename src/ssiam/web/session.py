@@ -138,7 +138,14 @@ class Session(NotCopyable):
         """Source and tracker; size and rate may become known later."""
         feed, is_webcam = self._feed, isinstance(self._feed, PushedFeed)
         return SessionInfo(
-            feed.name, feed.size_wh, feed.fps, feed.length, self._name, feed.seekable, is_webcam
+            feed.name,
+            feed.size_wh,
+            feed.fps,
+            feed.length,
+            self._name,
+            feed.seekable,
+            is_webcam,
+            feed.pixel_aspect,
         )
 
     @property

@@ -6,6 +6,7 @@ They are frozen; docs/reference/live-protocol.md documents their JSON form.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Final, Literal, TypeAlias
 
 from ssiam.errors import SsiamError
@@ -331,6 +332,8 @@ class SessionInfo:
         Whether `Restart` works.
     webcam : bool
         Whether frames come from a browser.
+    pixel_aspect : Fraction
+        Width of a pixel divided by its height, for players.
     """
 
     source: str
@@ -340,3 +343,4 @@ class SessionInfo:
     tracker: str
     seekable: bool
     webcam: bool
+    pixel_aspect: Fraction = Fraction(1)

@@ -1,0 +1,241 @@
+"""`run_backward`: targets are tracked from a later frame to an earlier one.
+
+The source is read three times: forward, to find the frames in which targets begin; backward, to
+track; forward, to write the results in the order of the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.cli.moments import Moment, PlannedTarget, Span
+from ssiam.cli.track_outputs import Outputs
+from ssiam.cli.track_progress import RunProgress
+from ssiam.cli.track_run import (
+    TrackJob,
+    check_complete,
+    check_target_box,
+    paired_frames,
+    report_end,
+    selected_frames,
+)
+from ssiam.cli.track_summary import Summary
+from ssiam.cli.track_targets import TargetSet
+from ssiam.errors import ArgumentError, StreamError
+from ssiam.motion import Motion
+from ssiam.track import Track
+from ssiam.video.frames import Frame, SourceInfo
+from ssiam.video.reversing import FrameRecord, ReversedFrames, check_reversible
+
+
+def run_backward(
+    job: TrackJob, targets: Sequence[PlannedTarget], progress: Sequence[RunProgress] = ()
+) -> None:
+    """Track `targets` backward from the frames in which they begin, and write the outputs.
+
+    A target that begins at no given time begins in the last frame of the span. Frames after the
+    last target's are read only if the span has an end. The parameters are those of `run_track`.
+
+    Raises
+    ------
+    SsiamError
+        As `run_track`, and if the source cannot be read several times. Nothing is written before
+        all frames are tracked.
+    """
+    check_reversible(job.source.spec)
+    scan = _scan(job, targets)
+    with ExitStack() as stack:
+        frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
+        title = f"{frames.name} backward"
+        summary = Summary(title, job.tracker.tracker, job.config.stabilize, len(targets))
+        tracked = _track(job, targets, scan, summary, progress)
+        outputs = Outputs(frames, job.paths, side_by_side=job.side_by_side, config=job.config)
+        stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
+        stack.enter_context(outputs)
+        count = len(scan.records)
+        for done, frame in enumerate(selected_frames(frames, scan.span(), ()), 1):
+            outputs.write(frame, tracked.forward(frame.index))
+            for each in progress:
+                each.advance(count + done, 2 * count, summary.timer.fps)
+    check_complete(frames, summary)
+    if scan.fault is not None:
+        raise scan.fault
+
+
+@dataclass
+class _Scan:
+    """What the first pass has found.
+
+    Attributes
+    ----------
+    first : int
+        Index of the first frame of the span.
+    records : list of FrameRecord
+        Of each frame of the span.
+    begins : list of int
+        Index of the frame in which each target begins.
+    info : SourceInfo
+    fault : StreamError or None
+        Why the source broke off.
+    """
+
+    first: int
+    records: list[FrameRecord]
+    begins: list[int]
+    info: SourceInfo
+    fault: StreamError | None = None
+
+    def span(self) -> Span:
+        """The frames of the span, by their numbers."""
+        last = self.first + len(self.records) - 1
+        return Span(*(Moment(str(index), frame=index) for index in (self.first, last)))
+
+
+def _scan(job: TrackJob, targets: Sequence[PlannedTarget]) -> _Scan:
+    """Read the source forward.
+
+    Raises
+    ------
+    ArgumentError
+        A box does not fit the frame, the span has no frame, or a target begins outside of it.
+    """
+    begins: dict[int, int] = {}
+    records: list[FrameRecord] = []
+    first = last = 0
+    fault = None
+    is_open_ended = job.span.end is None and all(each.begins is not None for each in targets)
+    with job.source.open() as frames:
+        for target in targets:
+            check_target_box(target, frames.size_wh)
+        try:
+            for frame in selected_frames(frames, job.span, targets):
+                first, last = (first if records else frame.index), frame.index
+                records.append(FrameRecord.of(frame))
+                for index, target in enumerate(targets):
+                    if target.begins is not None and target.begins.is_reached(frame):
+                        begins.setdefault(index, frame.index)
+                if is_open_ended and len(begins) == len(targets):
+                    break
+        except StreamError as error:
+            fault = error
+    for index, target in enumerate(targets):
+        if target.begins is None:
+            begins[index] = last
+        elif index not in begins:
+            raise ArgumentError(
+                f"{target.label} begins after the last frame that was read of {frames.name}, "
+                f"{last}: give a box of an earlier frame"
+            )
+    return _Scan(
+        first, records, [begins[index] for index in range(len(targets))], frames.info, fault
+    )
+
+
+def _track(
+    job: TrackJob,
+    targets: Sequence[PlannedTarget],
+    scan: _Scan,
+    summary: Summary,
+    progress: Sequence[RunProgress],
+) -> _BackwardTracks:
+    """Track from the last frame of the span to the first."""
+    source = job.source
+    reader = ReversedFrames(
+        source.spec,
+        scan.records,
+        scan.first,
+        scan.info,
+        raw=source.raw,
+        stream=source.stream,
+        levels=source.levels,
+    )
+
+    def has_begun(index: int, frame: Frame) -> bool:
+        return frame.index <= scan.begins[index]
+
+    run = TargetSet(job.new_group(), targets, has_begun)
+    found = _BackwardTracks(len(targets))
+    count = len(scan.records)
+    for frame, following in paired_frames(iter(reader), count, job.tracker.threads):
+        with summary.timer:
+            tracks = run.step(frame, following)
+        found.add(frame.index, tracks)
+        summary.add(frame.index, tracks)
+        summary.add_failures(frame.index, run.failures)
+        for each in progress:
+            each.advance(scan.first + count - frame.index, 2 * count, summary.timer.fps)
+    return found
+
+
+class _BackwardTracks:
+    """The tracks of all frames; masks take a bit for each pixel of their bounds."""
+
+    def __init__(self, targets: int) -> None:
+        self._targets = targets
+        self._stored: dict[int, list[_StoredTrack | None]] = {}
+
+    def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
+        """Store the tracks of a frame."""
+        stored = [None if track is None else _StoredTrack.of(track) for track in tracks]
+        self._stored[frame_index] = stored
+
+    def forward(self, frame_index: int) -> list[Track | None]:
+        """The tracks of a frame, with the camera motion since the frame before it."""
+        before = self._stored.get(frame_index - 1, [None] * self._targets)
+        return [
+            None
+            if stored is None
+            else replace(stored.track(), motion=_inverse(earlier.plain.motion if earlier else None))
+            for stored, earlier in zip(self._stored[frame_index], before, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class _StoredTrack:
+    """A track whose mask is packed."""
+
+    plain: Track
+    shape: tuple[int, int] = (0, 0)  # height and width of the mask
+    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
+    part_shape: tuple[int, int] = (0, 0)  # of its bounds
+    bits: NDArray[np.uint8] | None = None
+
+    @classmethod
+    def of(cls, track: Track) -> _StoredTrack:
+        mask = track.mask
+        if mask is None:
+            return cls(track)
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
+        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
+        part = mask[top:bottom, left:right]
+        return cls(
+            replace(track, mask=None),
+            (mask.shape[0], mask.shape[1]),
+            (top, left),
+            (bottom - top, right - left),
+            np.packbits(part),
+        )
+
+    def track(self) -> Track:
+        if self.bits is None:
+            return self.plain
+        height, width = self.part_shape
+        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
+        mask = np.zeros(self.shape, dtype=np.bool_)
+        top, left = self.corner
+        mask[top : top + height, left : left + width] = part
+        return replace(self.plain, mask=mask)
+
+
+def _inverse(motion: Motion | None) -> Motion | None:
+    """The motion to the later frame from that to the earlier one."""
+    if motion is None:
+        return None
+    prev_from_cur = np.linalg.inv(motion.cur_from_prev).astype(np.float64)
+    return replace(motion, cur_from_prev=prev_from_cur)
