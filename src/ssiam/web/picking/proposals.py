@@ -58,7 +58,7 @@ class BoxProposer:
 
     The click says where an object is, but not how large it is. Templates of several sizes and
     shapes are taken around the point, and each is searched for in the same frame. A template whose
-    box and mask agree has probably found an object; the object is what the masks of most such
+    box and mask agree has probably found an object; the object is the one that the masks of most
     templates agree on. The networks are always those of `lite`, whichever tracker is used.
 
     Parameters
@@ -142,12 +142,11 @@ def _mask_box(mask: np.ndarray, point_xy: Floats) -> XYWH | None:
 
 
 def _most_supported(candidates: list[_Candidate]) -> _Candidate:
-    """The candidate whose mask the others agree with, weighted by how much each can be trusted."""
-    weights = [each.agreement for each in candidates]
+    """The candidate whose box and mask agree, and whose mask most others agree with."""
 
     def support(candidate: _Candidate) -> float:
-        overlaps = (float(iou(candidate.mask_box, each.mask_box)) for each in candidates)
-        return sum(weight * overlap for weight, overlap in zip(weights, overlaps, strict=True))
+        others = sum(float(iou(candidate.mask_box, each.mask_box)) for each in candidates)
+        return candidate.agreement * others
 
     return max(candidates, key=support)
 
