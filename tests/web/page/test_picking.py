@@ -199,8 +199,7 @@ def test_boxes_in_several_frames_are_drawn_corrected_and_removed(track, visit, t
     person.seek(12)
     page.keyboard.press("ArrowRight")
     page.get_by_role("button", name="One frame forward").click()
-    person.until(lambda state: state["step"]["index"] >= 13)
-    index = person.state()["step"]["index"]
+    index = person.until(lambda state: state["step"]["index"] == 14)["step"]["index"]
     visitor.draw(truth["stander"][index])
     targets = person.until(lambda state: len(state["targets"]) == 2)["targets"]
     assert [target["frame"] for target in targets] == [0, index]
