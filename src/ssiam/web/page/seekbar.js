@@ -3,6 +3,7 @@
 import { throttle } from "./steps.js";
 
 const SEEK_INTERVAL = 80; // milliseconds between two requests while the bar is dragged
+const ANSWER_TIMEOUT = 1000; // milliseconds for which frames before the requested one are ignored
 const UNKNOWN_MARGIN = 300; // frames that the bar shows after the last known one, without a length
 
 export class SeekBar {
@@ -14,6 +15,7 @@ export class SeekBar {
   #fps = null;
   #index = 0;
   #dragging = false;
+  #requestedAt = -Infinity; // milliseconds; of a frame that is not shown yet
 
   /**
    * @param {HTMLElement} element has an input of type range, an output, and a box for marks
@@ -46,13 +48,17 @@ export class SeekBar {
   to(index) {
     const last = this.#length === null ? Infinity : this.#length - 1;
     this.#index = Math.min(Math.max(Math.round(index), 0), last);
+    this.#requestedAt = performance.now();
     this.#write(this.#index, null);
     this.#seek();
   }
 
-  /** Show the position of a frame, unless the bar is being dragged. */
+  /** Show the position of a frame, unless the bar is being dragged or waits for another one. */
   show(index, time) {
     if (this.#dragging) return;
+    const isWaiting = performance.now() - this.#requestedAt < ANSWER_TIMEOUT;
+    if (isWaiting && index !== this.#index) return;
+    this.#requestedAt = -Infinity;
     this.#index = index;
     this.#write(index, time);
   }
