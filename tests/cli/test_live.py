@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 
 import pytest
 from websockets.sync.client import connect
@@ -87,6 +88,26 @@ def test_live_session(clip, start_live, tmp_path):
     (recording,) = recordings.iterdir()
     assert len(list(open_source(recording / "video.mp4"))) >= 1
     assert log.stat().st_size > 1000
+
+
+def test_a_file_waits_on_its_first_frame(start_live):
+    _, line = start_live()
+    time.sleep(1)
+    with connect(find_address(line).replace("http", "ws") + "session") as client:
+
+        def next_step():
+            while True:
+                message = client.recv(timeout=SECONDS)
+                if isinstance(message, bytes):
+                    step = step_header(message)
+                    client.send(json.dumps({"type": "shown", "number": step["number"]}))
+                    return step
+
+        step = next_step()
+        assert (step["index"], step["playing"]) == (0, "paused")
+        client.send(json.dumps({"type": "resume"}))
+        while step["index"] == 0:
+            step = next_step()
 
 
 def test_token_option(start_live):

@@ -112,6 +112,34 @@ def test_after_a_restart_the_target_starts_where_it_was_drawn(clip):
         assert step.targets[0].track.box == boxes[3]
 
 
+def test_a_target_waits_for_the_frame_in_which_it_was_drawn(clip):
+    path, boxes = clip
+    with WatchedSession(path) as watched:
+        for _ in range(3):
+            watched.ask(Advance())
+        watched.until(lambda step: step.frame.index == 3)
+        watched.ask(Add(boxes[3], name="boat"))
+        watched.ask(Restart())
+        step = watched.until(lambda step: step.frame.index == 0)
+        assert [(each.name, each.frame) for each in step.waiting] == [("boat", 3)]
+        # Played from a frame after it, the target does not begin with a box of another frame.
+        watched.ask(Restart(6))
+        step = watched.until(lambda step: step.frame.index >= 6)
+        assert step.frame.index == 6
+        watched.ask(Advance())
+        step = watched.until(lambda step: step.frame.index == 7)
+        assert step.targets == ()
+        assert [each.frame for each in step.waiting] == [3]
+        watched.ask(Restart(2))
+        watched.until(lambda step: step.frame.index == 2)
+        watched.ask(Advance())
+        step = watched.until(lambda step: step.frame.index == 3)
+        assert step.waiting == ()
+        assert step.targets[0].track.box == boxes[3]
+        with pytest.raises(CommandError, match="does not exist"):
+            watched.ask(Restart(10**6))
+
+
 @pytest.mark.parametrize(
     ("command", "code"),
     [

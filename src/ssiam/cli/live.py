@@ -79,6 +79,9 @@ def live(
 ) -> None:
     """Show a source in the browser; draw targets with the mouse to track them.
 
+    A file waits on its first frame for a visitor of the page, unless there is other work: --box,
+    --out, --results, --mavlink or --rerun.
+
     Only this machine can open the page, unless --host is given; then the printed address contains
     a token that is required to open the page.
 
@@ -143,6 +146,8 @@ def live(
             recordings=recordings,
             stream=stream,
             levels=parse_levels(levels),
+            # A file would be over before somebody has opened the page, unless there is other work.
+            paused=not (headless or targets or out or results or mavlink or rerun),
         )
 
     with ExitStack() as stack:

@@ -23,6 +23,7 @@ from ssiam.cli.options import (
 from ssiam.cli.pick import pick_boxes
 from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_outputs import OutputPaths
+from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.errors import ArgumentError
@@ -62,6 +63,8 @@ def track(
 ) -> None:
     """Track targets through a video from a moving camera.
 
+    Without --box, a page opens in the browser, on which the targets are clicked.
+
     Without --out, --results and --plot, the annotated video and a CSV file are written to the
     current folder. They are named after the source, and numbered if such files exist:
     clip-tracked.mp4, clip-tracked-2.mp4.
@@ -79,7 +82,8 @@ def track(
         Target in the first frame: x,y,width,height in pixels, with x and y of its top left corner,
         also as four words. MOMENT:x,y,width,height is a target that begins later: 300: at a
         frame, 12s: or 0:12: at a time. @FILE.csv has a target in each line: columns x,y,w,h and,
-        if it begins later, frame or time. Repeat for further targets.
+        if it begins later, frame or time. Repeat for further targets. Without this option, targets
+        are clicked on a page in the browser.
     pick
         Track nothing: write the first frame, or that of --start, with numbered proposals to
         NAME-pick.png, and print the command that tracks each of them.
@@ -129,8 +133,6 @@ def track(
         else:
             paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
         paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
-        if not quiet:
-            report_leftover_parts(paths.leftover_parts)
         return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
 
     if backward and layout == "vot":
@@ -148,15 +150,17 @@ def track(
         ]
         pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
         return
-    if not box:
-        raise ArgumentError(
-            f"{source}: no target is given: --pick proposes some in its first frame, and "
-            "--box x,y,width,height gives one, in pixels"
-        )
-    targets = parse_boxes(box)
+    targets = parse_boxes(box or [])
     span.check(targets)
+    job = job_for(len(targets) or 1)
+    if not quiet:
+        report_leftover_parts(job.paths.leftover_parts)
     run = run_backward if backward else run_track
-    run(job_for(len(targets)), targets, [TerminalProgress(quiet=quiet)])
+    progress = TerminalProgress(quiet=quiet)
+    if box:
+        run(job, targets, [progress])
+    else:
+        choose_and_track(job_for, run, progress)
 
 
 def _check_pick(box: list[str] | None, *, backward: bool) -> None:

@@ -65,9 +65,10 @@ class Engine:
         self._stabilizer = Stabilizer(StabilizerConfig("paper"))
         self._history = StepHistory()
         self._done_times: deque[float] = deque(maxlen=_RATE_STEPS)
-        self._is_paused = False
+        self._is_paused = feed.paused
         self._size_wh: tuple[int, int] | None = None
         self._is_start = True  # whether the next frame is the first one of its source
+        self._first_index = 0  # of the source, before which no target begins
         self.newest: Step | None = None
 
     @property
@@ -92,6 +93,7 @@ class Engine:
             number=1 if self.newest is None else self.newest.number + 1,
             frame=frame,
             targets=self._targets.snapshot(),
+            waiting=self._targets.waiting(),
             motion=motion,
             stab_from_raw=stab_from_raw,
             stabilize=self._targets.config.stabilize,
@@ -114,6 +116,7 @@ class Engine:
             self.newest,
             number=self.newest.number + 1,
             targets=self._targets.snapshot(),
+            waiting=self._targets.waiting(),
             stabilize=self._targets.config.stabilize,
             playback=self.playback,
             recording=self._recordings.current,
@@ -145,8 +148,8 @@ class Engine:
             case Advance():
                 self._pause(True)
                 self._feed.advance()
-            case Restart():
-                self._restart()
+            case Restart(index):
+                self._restart(index)
             case Record(recording):
                 return self._record(recording)
         return None
@@ -159,11 +162,14 @@ class Engine:
         self._is_paused = paused
         self._feed.pause(paused)
 
-    def _restart(self) -> None:
+    def _restart(self, index: int) -> None:
         if not self._feed.seekable:
             raise CommandError("not-possible", f"{self._feed.name} cannot be restarted")
-        self._feed.restart()
-        self._is_start = True
+        if index > 0 and self._feed.length is not None and index >= self._feed.length:
+            text = f"frame {index} does not exist: {self._feed.name} has {self._feed.length}"
+            raise CommandError("not-possible", text)
+        self._feed.restart(index)
+        self._is_start, self._first_index = True, index
         self._history.clear()
 
     def _record(self, recording: bool) -> str:
@@ -186,7 +192,7 @@ class Engine:
             self._history.clear()
             self._stabilizer = Stabilizer(StabilizerConfig("paper"))
             # If this fails, the next frame starts the sequence.
-            self._targets.begin(frame)
+            self._targets.begin(frame, self._first_index)
             self._is_start = False
         else:
             self._targets.update(frame)

@@ -103,6 +103,7 @@ class Session(NotCopyable):
         recordings: Path | None = None,
         stream: int | None = None,
         levels: tuple[float, float] | None = None,
+        paused: bool = False,
     ) -> Session:
         """A session on a source, not started yet.
 
@@ -119,9 +120,13 @@ class Session(NotCopyable):
             Folder for recordings; without it they are deleted with the session.
         stream, levels
             As in `ssiam.video.open_source`.
+        paused : bool
+            Whether a file begins paused on its first frame.
         """
         notes: Listeners[Note] = Listeners()
-        feed = open_feed(source, pace=pace, notify=notes.notify, stream=stream, levels=levels)
+        feed = open_feed(
+            source, pace=pace, notify=notes.notify, stream=stream, levels=levels, paused=paused
+        )
         try:
             return cls(feed, tracker, name, Recordings(recordings), notes)
         except SsiamError:

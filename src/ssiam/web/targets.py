@@ -13,7 +13,13 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import COLORS, Frame
-from ssiam.web.types import MAX_NAME_LENGTH, CommandError, Target, normalized_name
+from ssiam.web.types import (
+    MAX_NAME_LENGTH,
+    CommandError,
+    Target,
+    WaitingTarget,
+    normalized_name,
+)
 
 
 @dataclass
@@ -60,6 +66,7 @@ class Targets:
         self._max_targets = max_targets
         self._states: list[_TargetState] = []
         self._last_id = 0
+        self._last_index = -1  # of the last frame; targets drawn up to it do not begin any more
 
     def __len__(self) -> int:
         return len(self._states)
@@ -74,13 +81,17 @@ class Targets:
         """Camera motion to the last frame."""
         return self._group.motion
 
-    def begin(self, frame: Frame) -> None:
-        """Start a sequence on its first frame; targets start again at their first boxes."""
+    def begin(self, frame: Frame, first_index: int = 0) -> None:
+        """Start a sequence on its first frame; targets start again at their first boxes.
+
+        Targets that were drawn in frames before `first_index` wait for the next sequence.
+        """
         self._group.init(frame.image, [])
         for state in self._states:
             state.tracker = state.track = None
             state.redetected, state.error = False, ""
         self._report_camera_failure()
+        self._last_index = min(first_index, frame.index) - 1
         self._init_pending(frame)
 
     def update(self, frame: Frame) -> None:
@@ -132,7 +143,7 @@ class Targets:
         for frame in frames[1:]:
             track = tracker.update(frame.image)
         id = self._last_id + 1
-        color = _hex(COLORS[(id - 1) % len(COLORS)])
+        color = target_color(id - 1)
         state = _TargetState(id, name, color, frames[0].index, xywh, tracker, track)
         self._group.join(tracker, track.box)
         self._states.append(state)
@@ -172,10 +183,19 @@ class Targets:
             if each.track is not None
         )
 
+    def waiting(self) -> tuple[WaitingTarget, ...]:
+        """The targets that are not tracked, because they begin in another frame."""
+        return tuple(
+            WaitingTarget(each.id, each.name, each.color, each.first_index)
+            for each in self._states
+            if each.track is None
+        )
+
     def _init_pending(self, frame: Frame) -> None:
         """Initialize targets that were drawn in this frame, or in a dropped one before it."""
+        last_index, self._last_index = self._last_index, frame.index
         for state in list(self._states):
-            if state.tracker is not None or frame.index < state.first_index:
+            if state.tracker is not None or not last_index < state.first_index <= frame.index:
                 continue
             tracker = self._group.new_tracker()
             try:
@@ -212,5 +232,7 @@ def _checked_name(name: str) -> str:
     return normalized
 
 
-def _hex(bgr: Sequence[float]) -> str:
+def target_color(index: int) -> str:
+    """The color ``#rrggbb`` of the target with this index, from 0; as in annotated videos."""
+    bgr = COLORS[index % len(COLORS)]
     return "#" + "".join(f"{math.floor(value):02x}" for value in reversed(bgr))

@@ -136,10 +136,19 @@ class Advance:
 
 @dataclass(frozen=True)
 class Restart:
-    """Play a file from its beginning; each target starts again where it was first drawn.
+    """Play a file from a frame on; each target starts again where it was first drawn.
+
+    Targets that were drawn before that frame wait until the file is played from an earlier one.
 
     Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    index : int
+        Frame number, from 0.
     """
+
+    index: int = 0
 
 
 @dataclass(frozen=True)
@@ -185,6 +194,26 @@ class Target:
     error: str = ""
 
 
+@dataclass(frozen=True)
+class WaitingTarget:
+    """A target that is not tracked in a frame: it begins in another one of the file.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    id, name, color
+        As in `Target`.
+    frame : int
+        Index of the frame in which it was drawn.
+    """
+
+    id: int
+    name: str
+    color: str
+    frame: int
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """One frame of a session and its results.
@@ -197,6 +226,7 @@ class Step:
         Number of the step, from 1 on; restarts of the source do not reset it.
     frame : Frame
     targets : tuple of Target
+        Those that are tracked.
     motion : Motion or None
         Camera motion since the previous frame; None with ``stabilize="off"``.
     stab_from_raw : (3, 3) float64
@@ -216,6 +246,8 @@ class Step:
         Name of the open recording.
     error : str
         Why the frame as a whole could not be processed, one line; empty if it could.
+    waiting : tuple of WaitingTarget
+        Targets that are not tracked in this frame, after a restart of the file.
     """
 
     number: int
@@ -231,6 +263,7 @@ class Step:
     playback: Playback
     recording: str | None = None
     error: str = ""
+    waiting: tuple[WaitingTarget, ...] = ()
 
 
 @dataclass(frozen=True)

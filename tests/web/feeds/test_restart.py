@@ -37,6 +37,17 @@ def test_restart(clip, pace, when):
         assert notes == []
 
 
+@pytest.mark.parametrize("index", [0, 1, 17, 29])
+def test_restart_at_a_frame(clip, index):
+    with opened(clip, pace="fast") as (feed, _):
+        feed.take(TIMEOUT)
+        feed.restart(index)
+        assert numbers(rest(feed)) == list(range(index, 30))
+        feed.restart(1000)
+        assert rest(feed) == []
+        assert feed.state == "ended"
+
+
 def test_restart_of_a_deleted_file(clip, tmp_path):
     path = tmp_path / "gone.mp4"
     path.write_bytes(clip.read_bytes())

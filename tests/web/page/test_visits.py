@@ -32,6 +32,68 @@ def test_keys_control_the_session(visitor):
     assert visitor.state()["step"]["stabilize"] == "predict"
 
 
+def test_the_space_bar_pauses_wherever_the_focus_is(visitor):
+    visitor.resume()
+    page = visitor.page
+    side_by_side = page.get_by_label("Raw and stabilized side by side")
+    for focused in (page.get_by_role("button", name="Record"), side_by_side):
+        focused.focus()
+        visitor.pause()
+        visitor.resume()
+    assert visitor.state()["step"]["recording"] is None
+    assert not side_by_side.is_checked()
+    visitor.pause()
+    visitor.draw_target((50, 50, 40, 40))
+    name = page.get_by_role("textbox")
+    name.fill("a")
+    name.press("End")
+    name.press_sequentially(" b")
+    name.press("Enter")
+    step = visitor.until_step(lambda step: step["targets"][0]["name"] == "a b")
+    assert step["playing"] == "paused"
+
+
+def test_the_seek_bar_shows_any_frame_and_targets_wait_for_theirs(visitor, truth):
+    page = visitor.page
+    bar = page.get_by_role("slider", name="Frame")
+    bar.fill("30")
+    visitor.until_step(lambda step: step["index"] == 30)
+    visitor.draw_target(truth["stander"][30])
+    page.keyboard.press("r")
+    step = visitor.until_step(lambda step: step["index"] == 0)
+    assert [target["frame"] for target in step["waiting"]] == [30]
+    page.get_by_text("waits for frame 30").wait_for()
+    bar.fill("30")
+    step = visitor.until_step(lambda step: step["index"] == 30)
+    assert (len(step["targets"]), step["waiting"]) == (1, [])
+
+
+PLOT_COLOR = """
+() => {
+  const canvas = document.querySelector("#plot-shift canvas");
+  return [...canvas.getContext("2d").getImageData(2, canvas.height - 3, 1, 1).data];
+}
+"""
+
+
+def test_plots_follow_the_theme(server, visit):
+    colors = {}
+    for scheme in ("dark", "light"):
+        visitor = visit(server.address, color_scheme=scheme)
+        visitor.until_step(lambda step: True)
+        visitor.page.wait_for_timeout(500)
+        colors[scheme] = sum(visitor.page.evaluate(PLOT_COLOR)[:3])
+    assert colors["dark"] < 200
+    assert colors["light"] > 700
+
+
+def test_the_help_of_a_phone_shows_gestures(server, visit):
+    phone = visit(server.address, PHONE, has_touch=True, is_mobile=True)
+    phone.page.get_by_role("button", name="Help").tap()
+    phone.page.get_by_role("dialog").get_by_text("Tap a box").wait_for()
+    assert phone.page.get_by_text("Space", exact=True).is_hidden()
+
+
 def test_two_clients_see_the_same(server, visitor, visit, truth):
     other = visit(server.address)
     other.until_step(lambda step: step["clients"] == 2)

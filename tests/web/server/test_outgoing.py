@@ -71,7 +71,7 @@ def test_a_step_is_a_header_and_images():
         },
         "pictures": [{"view": "raw", "bytes": 3}, {"view": "steadied", "bytes": 5}],
         **{"latency": 0.0125, "fps": 29.97, "dropped": 3, "skipped": 2, "clients": 1},
-        **{"playing": "playing", "recording": None, "error": None},
+        **{"playing": "playing", "recording": None, "error": None, "waiting": []},
     }
 
 

@@ -92,6 +92,11 @@ class Feed:
             return "playing" if self._state == "ended" and not is_over else self._state
 
     @property
+    def paused(self) -> bool:
+        """Whether the feed is paused."""
+        return self._paused
+
+    @property
     def dropped(self) -> int:
         """Number of frames replaced by newer ones since the beginning, pauses excluded."""
         return self._dropped
@@ -129,8 +134,10 @@ class Feed:
                 self._released_at = time.monotonic()
                 self._changed.notify_all()
 
-    def restart(self) -> None:
-        """Play again from frame 0, also after the end; while paused, that frame is released.
+    def restart(self, index: int = 0) -> None:
+        """Play again from a frame on, also after the end; while paused, that frame is released.
+
+        If the source ends before that frame, nothing is played.
 
         Raises
         ------

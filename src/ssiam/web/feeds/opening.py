@@ -9,7 +9,9 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
+from urllib.parse import unquote, urlsplit
 
 from ssiam.errors import check_choice
 from ssiam.video import Source, open_source
@@ -46,6 +48,7 @@ def open_feed(
     notify: Callable[[Note], None],
     stream: int | None = None,
     levels: tuple[float, float] | None = None,
+    paused: bool = False,
 ) -> Feed:
     """Open a source as a feed.
 
@@ -60,6 +63,9 @@ def open_feed(
         Receives notes about the source, on a thread of the feed.
     stream, levels
         As in `open_source`.
+    paused : bool
+        Whether a file or a folder begins paused, on its first frame. What comes in real time, also
+        through a named pipe, does not wait.
 
     Raises
     ------
@@ -79,7 +85,11 @@ def open_feed(
     if _is_live(spec, source):
         return ReconnectingFeed(source, notify, reopen, in_bursts=_is_playlist(spec))
     return PacedFeed(
-        source, notify, reopen=None if spec == STDIN else reopen, every_frame=pace == "fast"
+        source,
+        notify,
+        reopen=None if spec == STDIN else reopen,
+        every_frame=pace == "fast",
+        paused=paused and _is_stored(spec),
     )
 
 
@@ -95,6 +105,11 @@ def _is_live(spec: str, source: Source) -> bool:
     if not _is_remote(spec):
         return camera_index(spec) is not None
     return source.length is None or _scheme(spec) in _STREAMING
+
+
+def _is_stored(spec: str) -> bool:
+    path = Path(unquote(urlsplit(spec).path) if is_address(spec) else spec)
+    return not _is_remote(spec) and (path.is_file() or path.is_dir())
 
 
 def _is_remote(spec: str) -> bool:

@@ -71,6 +71,8 @@ class PacedFeed(Feed):
         Whether each frame waits until it is taken; the clock is then not used.
     stop : callable or None
         Called by `close` to end a source that may block.
+    paused : bool
+        Whether the feed begins paused, after its first frame.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class PacedFeed(Feed):
         reopen: Callable[[], Source] | None = None,
         every_frame: bool = False,
         stop: Callable[[], None] | None = None,
+        paused: bool = False,
     ) -> None:
         super().__init__(source.name, source.size_wh, float(source.fps), source.length)
         self.pixel_aspect = source.info.pixel_aspect
@@ -91,11 +94,14 @@ class PacedFeed(Feed):
         self._stop = stop
         # Number of the current run; a reader of an earlier one notices the difference and ends.
         self._run = 0
+        self._paused, self._passes = paused, int(paused)
         self._thread = self._reader_of(source)
         self._thread.start()
 
-    def restart(self) -> None:
-        """Play again from frame 0; while paused, that frame is released.
+    def restart(self, index: int = 0) -> None:
+        """Play again from a frame on; while paused, that frame is released.
+
+        The frames before it are decoded and dropped, so that it is the right one in every file.
 
         Raises
         ------
@@ -105,7 +111,7 @@ class PacedFeed(Feed):
             The source cannot be opened again; the current run continues.
         """
         if self._reopen is None:
-            super().restart()
+            super().restart(index)
             return
         source = self._reopen()
         with self._changed:
@@ -117,7 +123,7 @@ class PacedFeed(Feed):
             self._passes = 1 if self._paused else 0
             self._released_at = time.monotonic()
             self._changed.notify_all()
-            self._thread = self._reader_of(source)
+            self._thread = self._reader_of(source, index)
             self._thread.start()
 
     def close(self) -> None:
@@ -127,16 +133,20 @@ class PacedFeed(Feed):
             self._stop()
         self._thread.join(_CLOSE_TIMEOUT)
 
-    def _reader_of(self, source: Source) -> threading.Thread:
+    def _reader_of(self, source: Source, first: int = 0) -> threading.Thread:
         return threading.Thread(
-            target=self._read, args=(source, self._run), name="ssiam-feed", daemon=True
+            target=self._read, args=(source, self._run, first), name="ssiam-feed", daemon=True
         )
 
-    def _read(self, source: Source, run: int) -> None:
+    def _read(self, source: Source, run: int, first: int) -> None:
         clock = PlayClock(float(source.fps))
         try:
             with source:
                 for frame in source:
+                    if frame.index < first:
+                        if run != self._run or self._closed:
+                            return
+                        continue
                     if not self._put_when_due(frame, clock, run):
                         return
         except SsiamError as error:

@@ -47,7 +47,7 @@ export class Controls {
   }
 
   /** Start a session. */
-  begin({ source, methods, seekable }) {
+  begin({ source, methods, seekable, length }) {
     const short = source.includes("://") ? source : source.split("/").at(-1);
     byId("source").textContent = short;
     byId("source").title = source;
@@ -55,6 +55,7 @@ export class Controls {
     byId("methods").querySelectorAll("label").forEach((label) => label.remove());
     methods.forEach((method, index) => byId("methods").append(radioButton(method, index)));
     byId("record").disabled = false;
+    byId("seek").hidden = !seekable || length === null;
     byId("restart").disabled = !seekable;
     byId("restart").title = seekable ? RESTART_TITLE : "This source cannot be restarted";
   }
@@ -144,7 +145,8 @@ function radioButton(method, index) {
 }
 
 /**
- * Handle the keys of the page, except those that a focused field or button handles.
+ * Handle the keys of the page wherever the focus is, except those that a focused field handles.
+ * A focused button is pressed by Enter.
  * @param {Record<string, () => void>} actions by key
  */
 export function watchKeys(actions) {
@@ -160,10 +162,14 @@ export function watchKeys(actions) {
     event.preventDefault();
     action();
   });
+  // A button takes the space bar when it is released.
+  document.addEventListener("keyup", (event) => {
+    if (event.key === " " && !help.open && !belongsToFocus(event)) event.preventDefault();
+  });
 }
 
-/** Whether the focused element handles the key. */
+/** Whether the focused element handles the key: a name is typed, a bar moved, a player paused. */
 function belongsToFocus({ key, target }) {
-  if (target.matches("input[type=text]")) return true;
-  return key === " " && target.matches("button, input, a, video");
+  if (target.matches("input[type=text]:not([readonly]), video")) return true;
+  return target.matches("input[type=range], input[type=radio]") && key.startsWith("Arrow");
 }

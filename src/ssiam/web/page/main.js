@@ -6,6 +6,7 @@ import { BoxDrawing } from "./drawing.js";
 import { announce, banner, hint, toast } from "./notes.js";
 import { Charts } from "./plots.js";
 import { Recordings } from "./recordings.js";
+import { SeekBar } from "./seekbar.js";
 import { CommandError, OFFLINE, Socket } from "./socket.js";
 import { readStep, summary, targetAt, TargetStates, throttle } from "./steps.js";
 import { TargetList } from "./targets.js";
@@ -15,6 +16,7 @@ import { CameraButton } from "./webcam.js";
 const PROTOCOL = 1;
 const FOUND_REDRAW = 1050; // milliseconds after which FOUND is no longer drawn
 const DRAW_HINT = "Drag to draw a box around a target.";
+const START_HINT = "Drag to draw a box around a target, then press Resume.";
 
 const byId = (id) => document.getElementById(id);
 
@@ -54,6 +56,7 @@ class LivePage {
     command: (command) => this.#command(command),
     layout: (sideBySide) => this.#views.show(sideBySide),
   });
+  #seekBar = new SeekBar(byId("seek"), (index) => this.#command({ type: "seek", index }));
   #recordings = new Recordings((message) => toast("error", message));
   #camera = new CameraButton(
     (jpeg) => this.#socket.send(jpeg),
@@ -102,6 +105,7 @@ class LivePage {
     this.#newest = null;
     for (const part of [this.#display, this.#states, this.#charts]) part.clear();
     this.#controls.begin(hello);
+    this.#seekBar.begin(hello.length, hello.fps);
     this.#views.begin(hello.size);
     this.#camera.offer(hello.webcam);
     this.#showHealth({ state: "running", message: "" });
@@ -135,7 +139,9 @@ class LivePage {
       setTimeout(() => this.#display.redraw(), FOUND_REDRAW);
       setTimeout(() => this.#refreshPanels(), FOUND_REDRAW);
     }
-    if (!header.targets.some(({ id }) => id === this.#selected)) this.#selected = null;
+    const all = [...header.targets, ...header.waiting];
+    if (!all.some(({ id }) => id === this.#selected)) this.#selected = null;
+    this.#seekBar.show(header.index, header.time);
     this.#charts.add(header);
     this.#camera.onStep();
     this.#display.receive(header, jpegs);
@@ -150,11 +156,13 @@ class LivePage {
 
   #showPanels() {
     if (!this.#newest) return;
-    const { targets } = this.#newest;
-    this.#targets.update(targets, this.#stateOf, this.#errorOf, this.#selected);
+    const { targets, waiting, index, playing } = this.#newest;
+    const rows = [...targets, ...waiting.map((target) => waitingRow(target, index))];
+    rows.sort((a, b) => a.id - b.id);
+    this.#targets.update(rows, this.#stateOf, this.#errorOf, this.#selected);
     this.#controls.update();
     this.#charts.draw();
-    hint(targets.length ? "" : DRAW_HINT);
+    hint(rows.length ? "" : playing === "paused" && index === 0 ? START_HINT : DRAW_HINT);
   }
 
   #showSummary() {
@@ -202,6 +210,12 @@ class LivePage {
     this.#display.redraw();
     this.#refreshPanels();
   }
+}
+
+/** A target that begins in another frame, as a row of the list. */
+function waitingRow(target, index) {
+  const note = target.frame > index ? `waits for frame ${target.frame}` : `from frame ${target.frame}`;
+  return { ...target, score: null, note };
 }
 
 /**

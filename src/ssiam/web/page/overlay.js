@@ -8,6 +8,7 @@ const GAP = 6;
 const DARK = "rgb(8 12 15 / 82%)";
 const LOST = "#ff8f8f";
 const SELECTION = "#ffffff";
+const HANDLE = matchMedia("(pointer: coarse)").matches ? 7 : 4; // half of a handle's side
 
 /**
  * @typedef {object} Surface
@@ -56,7 +57,8 @@ function drawTarget(surface, target, found, selected) {
   if (target.corners) drawOutline(context, toView(target.corners), color, lineWidth);
   if (selected) drawHandles(context, box, color);
   const points = target.corners ? [...box, ...toView(target.corners)] : box;
-  const text = `${found ? "FOUND " : ""}${target.name} ${target.score.toFixed(2)}`;
+  const score = target.score === null ? "" : ` ${target.score.toFixed(2)}`;
+  const text = `${found ? "FOUND " : ""}${target.name}${score}`;
   const colors = found ? [DARK, color] : [color, DARK];
   drawLabel(surface, text, ...labelPosition(surface, points), ...colors);
 }
@@ -81,12 +83,16 @@ function drawOutline(context, points, color, width) {
   }
 }
 
+/** Handles at the corners of an upright box, beside them for a finger: they must not hide it. */
 function drawHandles(context, points, color) {
-  for (const [x, y] of points) {
+  const offset = HANDLE > 4 ? HANDLE : 0;
+  for (const [index, [cornerX, cornerY]] of points.entries()) {
+    const x = cornerX + (index === 0 || index === 3 ? -offset : offset);
+    const y = cornerY + (index < 2 ? -offset : offset);
     context.fillStyle = DARK;
-    context.fillRect(x - 4, y - 4, 8, 8);
+    context.fillRect(x - HANDLE, y - HANDLE, 2 * HANDLE, 2 * HANDLE);
     context.fillStyle = color;
-    context.fillRect(x - 3, y - 3, 6, 6);
+    context.fillRect(x - HANDLE + 1, y - HANDLE + 1, 2 * HANDLE - 2, 2 * HANDLE - 2);
   }
 }
 

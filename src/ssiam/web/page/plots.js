@@ -1,16 +1,17 @@
 /** Plots of the last ten seconds: camera motion and scores, the newest values at the right. */
 
-const DX = "#5cc8ff";
-const DY = "#ffb454";
-const ROTATION = "#d7a3ff";
+const DX = "var(--plot-dx)";
+const DY = "var(--plot-dy)";
+const ROTATION = "var(--plot-rotation)";
 const DEGREES = 180 / Math.PI; // in a radian
 const SPAN = 10; // seconds
 const MAX_POINTS = 2400; // per trace
 const MAX_GAP = 1.5; // seconds without a value after which a line is interrupted
 const FONT = "11px system-ui, sans-serif";
-const BACKGROUND = "#10171c";
-const GRID = "#2a353f";
-const LABELS = "#93a2af";
+const BACKGROUND = "var(--plot)";
+const GRID = "var(--line)";
+const LABELS = "var(--muted)";
+const VARIABLE = /^var\((.+)\)$/;
 const LEFT = 40; // CSS pixels, as all lengths here
 const TOP = 22; // height of the caption
 const MARGIN = 5;
@@ -18,6 +19,12 @@ const MARGIN = 5;
 const byId = (id) => document.getElementById(id);
 
 /** @typedef {{name: string, color: string}} Trace */
+
+/** A color for the canvas: the value that the theme gives a variable of the style sheets. */
+function resolved(color) {
+  const variable = VARIABLE.exec(color)?.[1];
+  return variable ? getComputedStyle(document.documentElement).getPropertyValue(variable) : color;
+}
 
 /** Some traces over the same time, in the same unit. */
 class Plot {
@@ -69,7 +76,7 @@ class Plot {
       [canvas.width, canvas.height] = [pixelWidth, pixelHeight];
     }
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    context.fillStyle = BACKGROUND;
+    context.fillStyle = resolved(BACKGROUND);
     context.fillRect(0, 0, width, height);
     const [low, high] = this.#limits();
     const end = this.#points.at(-1)?.[0] ?? 0;
@@ -103,8 +110,8 @@ class Plot {
     context.textAlign = "right";
     context.textBaseline = "middle";
     context.lineWidth = 1;
-    context.strokeStyle = GRID;
-    context.fillStyle = LABELS;
+    context.strokeStyle = resolved(GRID);
+    context.fillStyle = resolved(LABELS);
     const [low, , high] = values;
     context.beginPath();
     for (const value of values) {
@@ -122,7 +129,7 @@ class Plot {
 
   #drawTrace(key, color, x, y) {
     const context = this.#context;
-    context.strokeStyle = color;
+    context.strokeStyle = resolved(color);
     context.lineWidth = 1.5;
     context.lineJoin = "round";
     context.beginPath();
@@ -148,6 +155,7 @@ export class Charts {
     const named = (name, color) => [name, { name, color }];
     this.#shift.setTraces(new Map([named("dx", DX), named("dy", DY)]));
     this.#rotation.setTraces(new Map([named("angle", ROTATION)]));
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.draw());
   }
 
   get #all() {

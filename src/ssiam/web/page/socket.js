@@ -74,6 +74,14 @@ export class Socket {
     this.#socket = socket;
   }
 
+  /** Disconnect, and do not connect again. */
+  close() {
+    clearTimeout(this.#timer);
+    const socket = this.#socket;
+    this.#socket = null;
+    socket?.close();
+  }
+
   /** Send a message without an answer; false if there is no connection. */
   send(message) {
     if (!this.connected) return false;

@@ -12,7 +12,7 @@ const ERROR_DURATION = 3000; // milliseconds for which a tracker's error is show
  * @property {string} colour
  * @property {number[]} box x, y, w, h in raw-frame pixels
  * @property {number[][] | null} corners
- * @property {number} score
+ * @property {number | null} score null on a target that is not tracked yet
  * @property {boolean} lost
  * @property {boolean} found
  * @property {string | null} error why its tracker failed on this frame

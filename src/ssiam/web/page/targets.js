@@ -1,11 +1,13 @@
 /** The list of targets. */
 
 const STATE_TEXTS = { tracking: "tracking", lost: "LOST", found: "FOUND" };
+const WAITING = "waiting";
 
 /**
  * @typedef {object} Handlers
  * @property {(id: number) => void} select
- * @property {(id: number, name: string) => Promise<unknown>} rename undefined if it failed
+ * @property {(id: number, name: string) => Promise<unknown>} [rename] undefined if it failed;
+ *   without it, names cannot be changed
  * @property {(id: number) => void} remove
  */
 
@@ -24,7 +26,8 @@ export class TargetList {
   }
 
   /**
-   * @param {import("./steps.js").Target[]} targets
+   * @param {(import("./steps.js").Target & {note?: string})[]} targets a target with a note is not
+   *   tracked yet; the note says when it begins
    * @param {(target: object) => "tracking" | "lost" | "found"} stateOf
    * @param {(target: object) => string} errorOf "" if there is none
    * @param {number | null} selected
@@ -39,7 +42,8 @@ export class TargetList {
     for (const target of targets) {
       if (!this.#rows.has(target.id)) this.#rows.set(target.id, this.#add(target));
       const row = this.#rows.get(target.id);
-      updateRow(row, target, stateOf(target), target.id === selected);
+      const state = target.note === undefined ? stateOf(target) : WAITING;
+      updateRow(row, target, state, target.id === selected);
       row.error.textContent = errorOf(target);
       row.error.hidden = row.error.textContent === "";
     }
@@ -51,6 +55,7 @@ export class TargetList {
     row.item.addEventListener("pointerdown", () => this.#handlers.select(id));
     row.swatch.addEventListener("click", () => this.#handlers.select(id));
     row.name.addEventListener("focus", () => this.#handlers.select(id));
+    row.name.readOnly = !this.#handlers.rename;
     row.name.addEventListener("change", () => this.#rename(id, row));
     row.name.addEventListener("blur", () => this.#restore(row));
     row.name.addEventListener("keydown", (event) => onNameKey(event, row));
@@ -61,7 +66,7 @@ export class TargetList {
 
   async #rename(id, row) {
     const name = row.name.value.trim().replace(/\s+/g, " ");
-    if (!name || name === row.knownName) return;
+    if (!name || name === row.knownName || !this.#handlers.rename) return;
     row.isSent = true;
     const answer = await this.#handlers.rename(id, name);
     row.isSent = false;
@@ -81,12 +86,14 @@ function onNameKey(event, row) {
 }
 
 function updateRow(row, target, state, selected) {
-  const { name, score } = target;
+  const { name, score, note } = target;
   if (row.knownName !== name) setName(row, name);
   row.item.dataset.state = state;
   row.item.classList.toggle("selected", selected);
   row.swatch.setAttribute("aria-pressed", String(selected));
-  row.state.textContent = STATE_TEXTS[state];
+  row.state.textContent = note ?? STATE_TEXTS[state];
+  row.meter.hidden = row.number.hidden = state === WAITING;
+  if (state === WAITING) return;
   const percent = Math.round(Math.min(Math.max(score, 0), 1) * 100);
   row.meter.setAttribute("aria-valuenow", String(percent));
   row.bar.style.transform = `scaleX(${percent / 100})`;

@@ -1,4 +1,4 @@
-"""`create_app`: the ASGI application: page, WebSocket and recordings."""
+"""`create_app`: the ASGI application: page, WebSocket and files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from starlette.routing import Route, WebSocketRoute
 from ssiam.web.server.clients import Clients
 from ssiam.web.server.guard import Access, Guard
 from ssiam.web.server.limits import ServerLimits
-from ssiam.web.session import Session
+from ssiam.web.server.service import Service
 
 _PAGE_TYPES: Final = {
     ".html": "text/html",
@@ -37,43 +37,40 @@ _PAGE_TYPES: Final = {
     ".js": "text/javascript",
     ".svg": "image/svg+xml",
 }
-_INDEX: Final = "index.html"
 
 
-def create_app(session: Session, access: Access, limits: ServerLimits | None = None) -> Starlette:
+def create_app(service: Service, access: Access, limits: ServerLimits | None = None) -> Starlette:
     """The application; its `Clients` are ``app.state.clients``.
 
     Parameters
     ----------
-    session : Session
-        Started and closed by the caller.
+    service : Service
+        Its session is started and closed by the caller.
     access : Access
         Who may connect.
     limits : ServerLimits, optional
     """
-    clients = Clients(session, limits or ServerLimits())
+    clients = Clients(service, limits or ServerLimits())
     page = _read_page()
 
     async def send_page(request: Request) -> Response:
-        name = request.path_params.get("name", _INDEX)
+        name = request.path_params.get("name", service.index)
         if name not in page:
             raise HTTPException(404)
         content, media_type = page[name]
         return Response(content, media_type=media_type)
 
-    async def send_recording(request: Request) -> Response:
-        name, file = request.path_params["name"], request.path_params["file"]
+    async def send_file(request: Request) -> Response:
         try:
-            path = session.recordings.path(name, file)
+            path, filename = service.file(request.path_params["path"])
         except KeyError:
             raise HTTPException(404) from None
-        return FileResponse(path, filename=f"{name}-{file}")
+        return FileResponse(path, filename=filename)
 
     async def send_health(request: Request) -> Response:
-        newest = session.newest
+        newest = service.newest
         number = None if newest is None else newest.number
-        state = session.health.state
-        status = "ok" if state == "running" else state
+        status = "ok" if service.state == "running" else service.state
         return JSONResponse({"status": status, "clients": len(clients), "step": number})
 
     @asynccontextmanager
@@ -87,7 +84,7 @@ def create_app(session: Session, access: Access, limits: ServerLimits | None = N
         routes=[
             Route("/", send_page),
             Route("/page/{name}", send_page),
-            Route("/recordings/{name}/{file}", send_recording),
+            Route(f"/{service.folder}/{{path:path}}", send_file),
             Route("/health", send_health),
             WebSocketRoute("/session", clients.serve),
         ],

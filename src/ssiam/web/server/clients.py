@@ -1,4 +1,4 @@
-"""`Clients`: all clients that watch a session through the server."""
+"""`Clients`: all clients of a service."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from starlette.websockets import WebSocket
 
 from ssiam.web.server.images import BrowserCamera, StepImages
 from ssiam.web.server.limits import ServerLimits
-from ssiam.web.server.outgoing import health_message, note_message, recordings_message
+from ssiam.web.server.service import Service
 from ssiam.web.server.sockets import GOING_AWAY, ClientSocket, call_on
-from ssiam.web.session import Session
 from ssiam.web.types import Step
 
 _WORKERS: Final = 2  # threads that encode and decode images
@@ -21,20 +20,20 @@ _DISCONNECT_TIMEOUT: Final = 2.0  # seconds for all clients to disconnect when t
 
 
 class Clients:
-    """Accepts clients, and forwards the session's steps and messages to them.
+    """Accepts clients, and forwards the service's steps and messages to them.
 
     To be used on one event loop, between `open` and `close`.
 
     Parameters
     ----------
-    session : Session
+    service : Service
     limits : ServerLimits
     """
 
-    def __init__(self, session: Session, limits: ServerLimits) -> None:
-        self._session, self._limits = session, limits
+    def __init__(self, service: Service, limits: ServerLimits) -> None:
+        self._service, self._limits = service, limits
         self._pool = ThreadPoolExecutor(_WORKERS, "ssiam-images")
-        self._camera = BrowserCamera(session, self._pool, limits)
+        self._camera = BrowserCamera(service, self._pool, limits)
         self._sockets: dict[ClientSocket, asyncio.Task[Any] | None] = {}
         self._newest: StepImages | None = None
         self._arrived: Step | None = None
@@ -45,7 +44,7 @@ class Clients:
         return len(self._sockets)
 
     def open(self) -> None:
-        """Start listening to the session."""
+        """Start listening to the service."""
         loop = asyncio.get_running_loop()
 
         def on_step(step: Step) -> None:
@@ -53,21 +52,12 @@ class Clients:
             self._arrived = step
             call_on(loop, self._send_step)
 
-        self._arrived = self._session.newest
-        self._unlisten = [
-            self._session.listen(on_step),
-            self._session.listen_notes(lambda note: call_on(loop, self._send, note_message(note))),
-            self._session.listen_health(
-                lambda health: call_on(loop, self._send, health_message(health))
-            ),
-            self._session.recordings.listen(
-                lambda listing: call_on(loop, self._send, recordings_message(listing))
-            ),
-        ]
+        self._arrived = self._service.newest
+        self._unlisten = self._service.listen(on_step, lambda text: call_on(loop, self._send, text))
         self._send_step()
 
     def close(self) -> None:
-        """Stop listening to the session."""
+        """Stop listening to the service."""
         for unlisten in self._unlisten:
             unlisten()
         self._pool.shutdown(wait=False)
@@ -86,18 +76,18 @@ class Clients:
         if self._has_ended or len(self._sockets) >= self._limits.clients:
             await websocket.close()
             return
-        socket = ClientSocket(websocket, self._session, self._camera, self._limits, self.__len__)
+        socket = ClientSocket(websocket, self._service, self._camera, self._limits, self.__len__)
         self._sockets[socket] = asyncio.current_task()
+        self._service.set_clients(len(self._sockets))
         try:
-            socket.send_hello()
-            if self._session.health.state != "running":
-                socket.send(health_message(self._session.health))
-            socket.send(recordings_message(self._session.recordings.listing()))
+            for text in self._service.first_texts(self._limits):
+                socket.send(text)
             if self._newest is not None:
                 socket.send_step(self._newest)
             await socket.run()
         finally:
             del self._sockets[socket]
+            self._service.set_clients(len(self._sockets))
 
     def _send_step(self) -> None:
         step = self._arrived

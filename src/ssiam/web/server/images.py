@@ -16,7 +16,7 @@ from ssiam.stabilize import FrameView
 from ssiam.web.feeds.pushed import decode_jpeg
 from ssiam.web.server.incoming import View
 from ssiam.web.server.limits import ServerLimits
-from ssiam.web.session import Session
+from ssiam.web.server.service import Service
 from ssiam.web.types import CommandError, Step
 
 ViewName: TypeAlias = Literal["raw", "steadied"]
@@ -63,23 +63,23 @@ class StepImages:
 
 
 class BrowserCamera:
-    """Passes one client's camera frames to the session. To be used on one event loop.
+    """Passes one client's camera frames to the service. To be used on one event loop.
 
     Parameters
     ----------
-    session : Session
+    service : Service
     pool : Executor
         Threads that decode.
     limits : ServerLimits
     """
 
-    def __init__(self, session: Session, pool: Executor, limits: ServerLimits) -> None:
-        self._session, self._pool, self._limits = session, pool, limits
+    def __init__(self, service: Service, pool: Executor, limits: ServerLimits) -> None:
+        self._service, self._pool, self._limits = service, pool, limits
         self._owner: object = None
         self._decoding: asyncio.Future[None] | None = None
 
     def take(self, client: object, jpeg: bytes) -> asyncio.Future[None] | None:
-        """Decode a frame and push it to the session.
+        """Decode a frame and push it to the service.
 
         Returns
         -------
@@ -107,7 +107,7 @@ class BrowserCamera:
             self._owner = None
 
     def _push(self, jpeg: bytes) -> None:
-        self._session.push(decode_jpeg(jpeg, self._limits.image_pixels))
+        self._service.push(decode_jpeg(jpeg, self._limits.image_pixels))
 
 
 def encode_jpeg(image: Image, width: int, quality: int) -> bytes:

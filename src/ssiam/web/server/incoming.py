@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -13,7 +13,6 @@ from ssiam.web.types import (
     MAX_NAME_LENGTH,
     Add,
     Advance,
-    Command,
     CommandError,
     ErrorCode,
     Hold,
@@ -30,7 +29,9 @@ METHODS: Final[tuple[Method, ...]] = ("off", "paper", "predict")
 """The methods that `steady` takes. "literal" is for ablation studies, not for live use."""
 
 _MAX_ASK: Final = 2**31
-_MAX_NUMBER: Final = 2**53  # larger integers are not exact in browsers
+MAX_NUMBER: Final = 2**53
+"""Larger integers are not exact in browsers."""
+
 _MAX_PIXELS: Final = 1e6  # of a box's position and size
 _MAX_QUOTED: Final = 40  # characters of a value in an error message
 _WIDTHS: Final = (64, 4096)
@@ -54,14 +55,14 @@ class Acknowledge:
     number: int
 
 
-Content: TypeAlias = Command | View | Acknowledge
-
-
 @dataclass(frozen=True)
 class Message:
-    """A client's message; `ask` is a number that the answer repeats."""
+    """A client's message: `View`, `Acknowledge`, or a command for the service.
 
-    content: Content
+    `ask` is a number that the answer repeats.
+    """
+
+    content: Any
     ask: int | None = None
 
 
@@ -79,8 +80,16 @@ class BadMessage(CommandError):
         self.ask = ask
 
 
-def parse_message(text: str) -> Message:
+def parse_message(text: str, parsers: Parsers | None = None) -> Message:
     """Parse a client's text message.
+
+    Parameters
+    ----------
+    text : str
+        Untrusted.
+    parsers : mapping, optional
+        A function for each type of message, from its fields to the content; by default those of
+        the live protocol. `VIEW_PARSERS` has those that every page sends.
 
     Raises
     ------
@@ -90,18 +99,19 @@ def parse_message(text: str) -> Message:
     """
     ask = None
     try:
-        fields = _Fields(text)
+        fields = Fields(text)
         if "ask" in fields:
             ask = fields.integer("ask", 0, _MAX_ASK)
         kind = fields.word("type")
-        if kind not in _PARSERS:
+        known = _LIVE_PARSERS if parsers is None else parsers
+        if kind not in known:
             raise _bad_message(f"unknown type {_short(kind)}; see docs/reference/live-protocol.md")
-        return Message(_PARSERS[kind](fields), ask)
+        return Message(known[kind](fields), ask)
     except CommandError as error:
         raise BadMessage(error.code, str(error), ask) from None
 
 
-class _Fields:
+class Fields:
     """The fields of a JSON object; methods raise `CommandError` for invalid values.
 
     Parameters
@@ -167,26 +177,37 @@ class _Fields:
             raise CommandError("bad-box", f"box {x:g}, {y:g}, {w:g}, {h:g} is empty or too large")
         return x, y, w, h
 
+    def point(self) -> tuple[float, float]:
+        """The `point` (x, y), pixels, with plausible coordinates."""
+        point = self._values.get("point")
+        if not isinstance(point, list) or len(point) != 2 or not all(map(_is_number, point)):
+            raise _bad_message(f"point must be [x, y] in pixels, not {_short(point)}")
+        return float(point[0]), float(point[1])
 
-def _add(fields: _Fields) -> Content:
+
+Parsers: TypeAlias = Mapping[str, Callable[[Fields], Any]]
+"""From the fields of a message to its content, by the message's type."""
+
+
+def _add(fields: Fields) -> Any:
     number = None if fields.is_null("number") else _number(fields)
     name = None if fields.is_null("name") else fields.name()
     return Add(fields.box(), number, name)
 
 
-def _remove(fields: _Fields) -> Content:
+def _remove(fields: Fields) -> Any:
     # JavaScript serializes NaN as null, so null must not stand for all targets.
     return Remove(_id(fields) if "id" in fields else None)
 
 
-def _stabilize(fields: _Fields) -> Content:
+def _stabilize(fields: Fields) -> Any:
     for method in METHODS:
         if fields.word("method") == method:
             return Stabilize(method)
     raise _bad_message(f"method must be one of {', '.join(METHODS)}")
 
 
-def _view(fields: _Fields) -> Content:
+def _view(fields: Fields) -> Any:
     return View(
         fields.flag("raw"),
         fields.flag("steadied"),
@@ -195,15 +216,21 @@ def _view(fields: _Fields) -> Content:
     )
 
 
-def _number(fields: _Fields) -> int:
-    return fields.integer("number", 1, _MAX_NUMBER)
+def _number(fields: Fields) -> int:
+    return fields.integer("number", 1, MAX_NUMBER)
 
 
-def _id(fields: _Fields) -> int:
-    return fields.integer("id", 1, _MAX_NUMBER)
+def _id(fields: Fields) -> int:
+    return fields.integer("id", 1, MAX_NUMBER)
 
 
-_PARSERS: Final[dict[str, Callable[[_Fields], Content]]] = {
+VIEW_PARSERS: Final[Parsers] = {
+    "view": _view,
+    "shown": lambda fields: Acknowledge(_number(fields)),
+}
+"""Of the messages about the images that a client is sent."""
+
+_LIVE_PARSERS: Final[Parsers] = {
     "add": _add,
     "hold": lambda fields: Hold(_number(fields)),
     "remove": _remove,
@@ -213,9 +240,9 @@ _PARSERS: Final[dict[str, Callable[[_Fields], Content]]] = {
     "resume": lambda fields: Pause(False),
     "advance": lambda fields: Advance(),
     "restart": lambda fields: Restart(),
+    "seek": lambda fields: Restart(fields.integer("index", 0, MAX_NUMBER)),
     "record": lambda fields: Record(fields.flag("on")),
-    "view": _view,
-    "shown": lambda fields: Acknowledge(_number(fields)),
+    **VIEW_PARSERS,
 }
 
 
@@ -225,7 +252,7 @@ def _bad_message(message: str) -> CommandError:
 
 def _short(value: object) -> str:
     """A value of any type and size, shortened to one line for an error message."""
-    if isinstance(value, int) and abs(value) > _MAX_NUMBER:
+    if isinstance(value, int) and abs(value) > MAX_NUMBER:
         return "a larger one"
     if isinstance(value, (str, int, float)) or value is None:
         return ascii(value)[:_MAX_QUOTED]
@@ -240,4 +267,4 @@ def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     # False for 1e999, which is parsed as infinity, and for integers that no float holds.
-    return abs(value) <= _MAX_NUMBER
+    return abs(value) <= MAX_NUMBER

@@ -32,13 +32,13 @@ _FINE_DIGITS: Final = 8  # decimals of angles and transforms, which are multipli
 
 def hello_message(info: SessionInfo, session: SessionLimits, server: ServerLimits) -> str:
     """The first message to a client."""
-    return _json(
+    return as_json(
         type="hello",
         protocol=PROTOCOL,
         ssiam=version("ssiam"),
         source=info.source,
         size=info.size_wh,
-        fps=None if info.fps is None else _rounded(info.fps),
+        fps=None if info.fps is None else rounded(info.fps),
         length=info.length,
         tracker=info.tracker,
         methods=METHODS,
@@ -54,28 +54,28 @@ def hello_message(info: SessionInfo, session: SessionLimits, server: ServerLimit
 
 def done_message(ask: int, result: Any) -> str:
     """The result of a command."""
-    return _json(type="done", ask=ask, answer=result)
+    return as_json(type="done", ask=ask, answer=result)
 
 
 def error_message(ask: int | None, error: SsiamError) -> str:
     """Why a command was refused."""
     code = error.code if isinstance(error, CommandError) else "not-possible"
-    return _json(type="error", ask=ask, code=code, message=str(error))
+    return as_json(type="error", ask=ask, code=code, message=str(error))
 
 
 def note_message(note: Note) -> str:
     """A note for people."""
-    return _json(type="note", level=note.level, message=note.message)
+    return as_json(type="note", level=note.level, message=note.message)
 
 
 def health_message(health: Health) -> str:
     """Whether the targets are still tracked."""
-    return _json(type="health", state=health.state, message=health.message)
+    return as_json(type="health", state=health.state, message=health.message)
 
 
 def recordings_message(listing: list[dict[str, Any]]) -> str:
     """The list of recordings."""
-    return _json(type="recordings", recordings=listing)
+    return as_json(type="recordings", recordings=listing)
 
 
 def step_message(
@@ -92,19 +92,23 @@ def step_message(
     clients : int
         Number of clients of the server.
     """
-    header = _json(
+    header = as_json(
         type="step",
         number=step.number,
         index=step.frame.index,
         size=[step.frame.image.shape[1], step.frame.image.shape[0]],
-        time=None if step.frame.time is None else _rounded(step.frame.time),
+        time=None if step.frame.time is None else rounded(step.frame.time),
         stabilize=step.stabilize,
         pictures=[{"view": view, "bytes": len(jpeg)} for view, jpeg in images],
         targets=[_target(target) for target in step.targets],
+        waiting=[
+            {"id": each.id, "name": each.name, "colour": each.color, "frame": each.frame}
+            for each in step.waiting
+        ],
         motion=None if step.motion is None else _motion(step.motion),
-        stab_from_raw=[[_rounded(v, _FINE_DIGITS) for v in row] for row in step.stab_from_raw[:2]],
-        latency=_rounded(step.done - step.arrived),
-        fps=_rounded(step.fps),
+        stab_from_raw=[[rounded(v, _FINE_DIGITS) for v in row] for row in step.stab_from_raw[:2]],
+        latency=rounded(step.done - step.arrived),
+        fps=rounded(step.fps),
         dropped=step.dropped,
         skipped=skipped,
         clients=clients,
@@ -119,14 +123,14 @@ def _target(target: Target) -> dict[str, Any]:
     track = target.track
     corners = None
     if track.corners is not None:
-        corners = [[_rounded(v) for v in corner] for corner in track.corners]
+        corners = [[rounded(v) for v in corner] for corner in track.corners]
     return {
         "id": target.id,
         "name": target.name,
         "colour": target.color,
-        "box": [_rounded(v) for v in track.box],
+        "box": [rounded(v) for v in track.box],
         "corners": corners,
-        "score": _rounded(track.score),
+        "score": rounded(track.score),
         "lost": bool(track.lost),
         "found": target.redetected,
         "error": target.error or None,
@@ -136,18 +140,19 @@ def _target(target: Target) -> dict[str, Any]:
 def _motion(motion: Motion) -> dict[str, Any]:
     dx, dy, angle = rigid_parameters(motion.cur_from_prev, frame_center(motion.size_wh))
     return {
-        "dx": _rounded(dx),
-        "dy": _rounded(dy),
-        "angle": _rounded(angle, _FINE_DIGITS),
-        "inliers": _rounded(motion.inliers),
+        "dx": rounded(dx),
+        "dy": rounded(dy),
+        "angle": rounded(angle, _FINE_DIGITS),
+        "inliers": rounded(motion.inliers),
         "reliable": bool(motion.reliable),
     }
 
 
-def _rounded(value: float, digits: int = _DIGITS) -> float:
+def rounded(value: float, digits: int = _DIGITS) -> float:
     """The value rounded; 0 for NaN and infinity, which JSON does not have."""
     return round(float(value), digits) if math.isfinite(value) else 0.0
 
 
-def _json(**fields: Any) -> str:
+def as_json(**fields: Any) -> str:
+    """A message as JSON, without spaces."""
     return json.dumps(fields, separators=(",", ":"), allow_nan=False)

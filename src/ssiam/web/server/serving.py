@@ -1,4 +1,4 @@
-"""`LiveServer`: serves the live page on a port of this machine."""
+"""`PageServer`: serves a page on a port of this machine; `LiveServer` serves the live page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from ssiam.errors import IncompleteError, MissingExtraError, SsiamError
 
@@ -33,7 +33,11 @@ from ssiam.web.server.connections import (
 )
 from ssiam.web.server.guard import LOOPBACK, Access
 from ssiam.web.server.limits import ServerLimits
+from ssiam.web.server.service import LiveService, Service
 from ssiam.web.session import Session
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 DEFAULT_PORT: Final = 8765
 
@@ -51,15 +55,15 @@ class ServerError(SsiamError):
     """The server cannot listen on an address."""
 
 
-class LiveServer:
-    """Serves a session's page and WebSocket on its own thread. A context manager.
+class PageServer:
+    """Serves a page and its WebSocket on its own thread. A context manager.
 
     Clients need a token if the server listens on more than the loopback, or if `needs_token`.
 
     Parameters
     ----------
-    session : Session
-        Started and closed by the caller.
+    service : Service
+        Its session is started and closed by the caller.
     host : str
         Name or address to listen on; ``0.0.0.0`` for all addresses of the machine.
     port : int
@@ -82,7 +86,7 @@ class LiveServer:
 
     def __init__(
         self,
-        session: Session,
+        service: Service,
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         *,
@@ -90,15 +94,20 @@ class LiveServer:
         limits: ServerLimits | None = None,
     ) -> None:
         limits = limits or ServerLimits()
-        self._session = session
+        self._service = service
         self._listener = listen(host, port)
         self.access = access_to(self._listener, host, needs_token=needs_token)
         self.address = page_address(self._listener, self.access)
-        app = create_app(session, self.access, limits)
-        config = _configure(app, limits, webcam=session.info.webcam)
+        app = create_app(service, self.access, limits)
+        config = _configure(app, limits, takes_images=service.takes_images)
         self._server = _Server(config, app.state.clients)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="ssiam-server", daemon=True)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the server has ended by itself or was closed."""
+        return self._ended.is_set()
 
     def start(self) -> None:
         """Start serving; returns when clients can connect. May be called once."""
@@ -115,25 +124,7 @@ class LiveServer:
             self._thread.join()
         self._listener.close()
 
-    def run(self) -> None:
-        """Serve until Ctrl-C, or until the session has failed and its clients were informed.
-
-        Raises
-        ------
-        IncompleteError
-            The server has ended unexpectedly.
-        """
-        # Not `Thread.join`: if Ctrl-C interrupts it, CPython 3.11 marks the thread as ended.
-        with self, suppress(KeyboardInterrupt):
-            while not self._ended.wait(_CHECK_INTERVAL):
-                if self._session.health.state == "failed":
-                    self._ended.wait(_FAILURE_DELAY)
-                    break
-            else:
-                if not self._server.should_exit:
-                    raise IncompleteError(f"{self.address}: the server has ended; see the log")
-
-    def __enter__(self) -> LiveServer:
+    def __enter__(self) -> Self:
         self.start()
         return self
 
@@ -146,6 +137,48 @@ class LiveServer:
         finally:
             self._server.ready.set()
             self._ended.set()
+
+
+class LiveServer(PageServer):
+    """Serves a live session's page. A context manager.
+
+    Parameters
+    ----------
+    session : Session
+        Started and closed by the caller.
+    host, port, needs_token, limits
+        As in `PageServer`.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        *,
+        needs_token: bool = False,
+        limits: ServerLimits | None = None,
+    ) -> None:
+        service = LiveService(session)
+        super().__init__(service, host, port, needs_token=needs_token, limits=limits)
+
+    def run(self) -> None:
+        """Serve until Ctrl-C, or until the session has failed and its clients were informed.
+
+        Raises
+        ------
+        IncompleteError
+            The server has ended unexpectedly.
+        """
+        # Not `Thread.join`: if Ctrl-C interrupts it, CPython 3.11 marks the thread as ended.
+        with self, suppress(KeyboardInterrupt):
+            while not self._ended.wait(_CHECK_INTERVAL):
+                if self._service.state == "failed":
+                    self._ended.wait(_FAILURE_DELAY)
+                    break
+            else:
+                if not self._server.should_exit:
+                    raise IncompleteError(f"{self.address}: the server has ended; see the log")
 
 
 class _Server(uvicorn.Server):
@@ -169,7 +202,9 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def _configure(app: Callable[..., Any], limits: ServerLimits, *, webcam: bool) -> WatchedConfig:
+def _configure(
+    app: Callable[..., Any], limits: ServerLimits, *, takes_images: bool
+) -> WatchedConfig:
     return WatchedConfig(
         app,
         ConnectionWatch(limits),
@@ -186,7 +221,7 @@ def _configure(app: Callable[..., Any], limits: ServerLimits, *, webcam: bool) -
         timeout_keep_alive=max(1, round(limits.handshake_seconds)),
         timeout_graceful_shutdown=_DOWNLOAD_TIMEOUT,
         h11_max_incomplete_event_size=limits.head_bytes,
-        ws_max_size=max(limits.message_bytes, limits.image_bytes if webcam else 0),
+        ws_max_size=max(limits.message_bytes, limits.image_bytes if takes_images else 0),
         ws_ping_interval=limits.stall_seconds,
         ws_ping_timeout=limits.stall_seconds,
         ws_per_message_deflate=False,

@@ -15,11 +15,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ssiam.errors import SsiamError, one_line
 from ssiam.web.server.images import BrowserCamera, StepImages
-from ssiam.web.server.incoming import Acknowledge, BadMessage, Message, View, parse_message
+from ssiam.web.server.incoming import Acknowledge, BadMessage, Message, View
 from ssiam.web.server.limits import ServerLimits, TokenBucket
-from ssiam.web.server.outgoing import done_message, error_message, hello_message, step_message
-from ssiam.web.session import Session
-from ssiam.web.types import Command, CommandError
+from ssiam.web.server.outgoing import done_message, error_message, step_message
+from ssiam.web.server.service import Service
+from ssiam.web.types import CommandError
 
 _log = logging.getLogger(__name__)
 
@@ -154,7 +154,7 @@ class ClientSocket:
     ----------
     websocket : WebSocket
         Not accepted yet.
-    session : Session
+    service : Service
     camera : BrowserCamera
     limits : ServerLimits
     count : callable
@@ -164,12 +164,12 @@ class ClientSocket:
     def __init__(
         self,
         websocket: WebSocket,
-        session: Session,
+        service: Service,
         camera: BrowserCamera,
         limits: ServerLimits,
         count: Callable[[], int],
     ) -> None:
-        self._websocket, self._session = websocket, session
+        self._websocket, self._service = websocket, service
         self._camera, self._limits = camera, limits
         self._outbox = Outbox(websocket, limits, count)
         self._loop = asyncio.get_running_loop()
@@ -194,10 +194,6 @@ class ClientSocket:
             await asyncio.gather(sending, receiving, return_exceptions=True)
         if code is not None:
             await self._close(code)
-
-    def send_hello(self) -> None:
-        """Send the first message."""
-        self.send(hello_message(self._session.info, self._session.limits, self._limits))
 
     def send_step(self, newest: StepImages) -> None:
         """Send a step, unless a newer one arrives before."""
@@ -239,7 +235,7 @@ class ClientSocket:
                 return MESSAGE_TOO_BIG
             if text is not None:
                 self._take_text(text)
-            elif self._session.info.webcam:
+            elif self._service.takes_images:
                 self._take_image(image or b"")
             else:
                 return POLICY_VIOLATION
@@ -250,7 +246,7 @@ class ClientSocket:
     def _take_text(self, text: str) -> None:
         ask = None
         try:
-            message = parse_message(text)
+            message = self._service.parse(text)
             ask = message.ask
             self._take(message)
         except BadMessage as error:
@@ -271,12 +267,12 @@ class ClientSocket:
         if ask is not None:
             self.send(done_message(ask, None))
 
-    def _submit(self, command: Command, ask: int | None) -> None:
+    def _submit(self, command: Any, ask: int | None) -> None:
         if self._pending_commands >= self._limits.pending_commands:
             text = "too many commands are pending: wait for their answers"
             raise CommandError("not-possible", text)
         self._pending_commands += 1
-        answer = self._session.submit(command)
+        answer = self._service.submit(command)
         answer.add_done_callback(lambda answer: call_on(self._loop, self._on_answer, ask, answer))
 
     def _on_answer(self, ask: int | None, answer: Future[Any]) -> None:

@@ -1,0 +1,128 @@
+"""The values of a picking session: commands of the page, and the state that it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ssiam.geometry import XYWH
+
+Phase: TypeAlias = Literal["picking", "preview", "tracking", "written"]
+
+
+@dataclass(frozen=True)
+class Seek:
+    """Show this frame. The result is the index of the frame that is shown (int)."""
+
+    index: int
+
+
+@dataclass(frozen=True)
+class AddBox:
+    """Add a target that begins with this box (raw-frame pixels) in a frame; its id (int)."""
+
+    frame: int
+    xywh: XYWH
+
+
+@dataclass(frozen=True)
+class Click:
+    """Add the object at a point (raw-frame pixels) of a frame; the target's id (int)."""
+
+    frame: int
+    point_xy: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Adjust:
+    """Change a target's box."""
+
+    id: int
+    xywh: XYWH
+
+
+@dataclass(frozen=True)
+class Discard:
+    """Remove a target."""
+
+    id: int
+
+
+@dataclass(frozen=True)
+class Undo:
+    """Take back the last change of the targets."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """Track a second from the beginning of a target, by default the earliest one."""
+
+    id: int | None = None
+
+
+@dataclass(frozen=True)
+class TrackAll:
+    """Choose the current targets: the whole clip is tracked now."""
+
+
+@dataclass(frozen=True)
+class Finish:
+    """Everything was seen: the command may end."""
+
+
+PickCommand: TypeAlias = (
+    Seek | AddBox | Click | Adjust | Discard | Undo | Preview | TrackAll | Finish
+)
+
+
+@dataclass(frozen=True)
+class PickedTarget:
+    """A chosen target: its first frame and its box there, raw-frame pixels."""
+
+    id: int
+    frame: int
+    xywh: XYWH
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the run is: frames done, of how many (None if unknown), frames per second."""
+
+    done: int
+    total: int | None
+    fps: float | None
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """A file that was written: what it is ("video", ...), its name and its size in bytes."""
+
+    kind: str
+    name: str
+    size: int
+
+
+@dataclass(frozen=True)
+class PickState:
+    """All that the page shows beside the frame.
+
+    Attributes
+    ----------
+    phase : {"picking", "preview", "tracking", "written"}
+    length : int or None
+        Number of frames of the source.
+    targets : tuple of PickedTarget
+    can_undo : bool
+    progress : Progress or None
+    files : tuple of WrittenFile
+    notes : tuple of str
+        What the run reported, one line each.
+    """
+
+    phase: Phase = "picking"
+    length: int | None = None
+    targets: tuple[PickedTarget, ...] = ()
+    can_undo: bool = False
+    progress: Progress | None = None
+    files: tuple[WrittenFile, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,387 @@
+"""`PickSession`: shows frames of a source, and collects the targets that a person chooses in them.
+
+Threads: decoding, proposals and previews run on the session's thread, which alone changes the
+targets. `submit` only queues. The results (`chosen`, `finished`) are events, so that the main
+thread can wait for them and still receive Ctrl-C. `report` and `finish` are called on the main
+thread and change the state under its lock; listeners are called on the thread that changes it.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, Final
+
+from ssiam.errors import SsiamError, one_line
+from ssiam.geometry import IDENTITY, XYWH, check_box
+from ssiam.target_start import TargetStart
+from ssiam.track import Track
+from ssiam.trackers import StabilizedTracker
+from ssiam.video import Frame, Source
+from ssiam.web.events import Listeners
+from ssiam.web.picking.commands import (
+    AddBox,
+    Adjust,
+    Click,
+    Discard,
+    Finish,
+    PickCommand,
+    PickedTarget,
+    PickState,
+    Preview,
+    Progress,
+    Seek,
+    TrackAll,
+    Undo,
+    WrittenFile,
+)
+from ssiam.web.picking.frames import FrameReader
+from ssiam.web.targets import Targets, target_color
+from ssiam.web.types import CommandError, SessionLimits, Step, Target
+
+_log = logging.getLogger(__name__)
+
+_PREVIEW_SECONDS: Final = 1.0  # of the clip
+_PREVIEW_RATES: Final = (5.0, 60.0)  # frames per second, lowest and highest at which it is shown
+_PASSING_INTERVAL: Final = 0.2  # seconds between two frames shown on the way to a far one
+_MAX_UNDO: Final = 200  # changes that can be taken back
+_MAX_WAITING: Final = 256  # commands of all clients that wait; more are refused
+_CLOSE_TIMEOUT: Final = 5.0  # seconds for the current frame or proposal
+
+Propose = Callable[[Any, tuple[float, float]], XYWH]
+"""From an image and a point to a box; `BoxProposer.propose`."""
+
+
+class PickSession:
+    """One source, one frame that is shown, and the targets chosen so far; for all clients alike.
+
+    Parameters
+    ----------
+    open_frames : callable
+        Opens the source at its first frame, any number of times.
+    tracker : StabilizedTracker
+        Prototype of the trackers of a preview.
+    name : str
+        Name of the tracker.
+    propose : callable
+        Called on the session's thread.
+    is_selectable : callable
+        Whether a frame is in the part that is tracked, or after it; the first such frame is shown
+        at the start, and no target can begin before it.
+    limits : SessionLimits, optional
+
+    Raises
+    ------
+    SsiamError
+        The source cannot be opened.
+    """
+
+    def __init__(
+        self,
+        open_frames: Callable[[], Source],
+        tracker: StabilizedTracker,
+        name: str,
+        propose: Propose,
+        is_selectable: Callable[[Frame], bool] = lambda frame: True,
+        limits: SessionLimits | None = None,
+    ) -> None:
+        self.limits = limits or SessionLimits()
+        self.tracker_name = name
+        self.chosen, self.finished = threading.Event(), threading.Event()
+        self._tracker, self._propose = tracker, propose
+        self._is_selectable = is_selectable
+        self._reader = FrameReader(open_frames)
+        self.source, self.size_wh = self._reader.name, self._reader.size_wh
+        self.fps = self._reader.fps
+        self._steps, self._states = Listeners[Step](), Listeners[PickState]()
+        self.newest: Step | None = None
+        self._lock = threading.RLock()  # of the state and its notification
+        self._state = PickState(length=self._reader.length)
+        self._undo: deque[tuple[PickedTarget, ...]] = deque(maxlen=_MAX_UNDO)
+        self._last_id = 0
+        self._passed_at = 0.0
+        self._waiting: deque[tuple[PickCommand, Future[Any]]] = deque()
+        self._arrived = threading.Condition()
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="ssiam-picking", daemon=True)
+
+    @property
+    def state(self) -> PickState:
+        """The current state."""
+        return self._state
+
+    def starts(self) -> list[TargetStart]:
+        """The chosen targets, in the order in which they are numbered."""
+        return [TargetStart(each.frame, each.xywh) for each in self._state.targets]
+
+    def listen(
+        self, on_step: Callable[[Step], object], on_state: Callable[[PickState], object]
+    ) -> list[Callable[[], None]]:
+        """Call `on_step` with each frame shown, `on_state` with each state; functions to end it."""
+        return [self._steps.add(on_step), self._states.add(on_state)]
+
+    def submit(self, command: PickCommand) -> Future[Any]:
+        """Queue a command; its result, or the `SsiamError` that refuses it."""
+        answer: Future[Any] = Future()
+        with self._arrived:
+            if self._closing or len(self._waiting) >= _MAX_WAITING:
+                text = "the page has ended" if self._closing else "too many commands are waiting"
+                answer.set_exception(CommandError("not-possible", text))
+            else:
+                self._waiting.append((command, answer))
+                self._arrived.notify_all()
+        return answer
+
+    def start(self) -> None:
+        """Show the first frame. May be called once."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and refuse what waits. May be called twice."""
+        with self._arrived:
+            self._closing = True
+            waiting, self._waiting = list(self._waiting), deque()
+            self._arrived.notify_all()
+        for _, answer in waiting:
+            _settle(answer, CommandError("not-possible", "the page has ended"))
+        if self._thread.is_alive():
+            self._thread.join(_CLOSE_TIMEOUT)
+
+    def report(self, progress: Progress) -> None:
+        """Show how far the run is."""
+        self._change(progress=progress)
+
+    def finish(self, files: tuple[WrittenFile, ...], notes: tuple[str, ...]) -> None:
+        """Show what was written."""
+        self._change(phase="written", files=files, notes=notes)
+
+    def _run(self) -> None:
+        try:
+            try:
+                self._show(
+                    self._reader.read(sys.maxsize, lambda each: not self._is_selectable(each))
+                )
+            except Exception:
+                # Nothing is shown, and no target can be chosen; a person sees why on the terminal.
+                _log.exception("the first frame of %s", self.source)
+            while True:
+                with self._arrived:
+                    self._arrived.wait_for(lambda: self._waiting or self._closing)
+                    if self._closing:
+                        return
+                    command, answer = self._waiting.popleft()
+                self._answer(command, answer)
+        finally:
+            self._reader.close()
+
+    def _answer(self, command: PickCommand, answer: Future[Any]) -> None:
+        if not answer.set_running_or_notify_cancel():
+            return
+        try:
+            result = self._execute(command)
+        except SsiamError as error:
+            _settle(answer, error)
+        except Exception as error:
+            _log.exception("a command of the page")
+            _settle(answer, CommandError("failed", one_line(error)))
+        else:
+            with suppress(InvalidStateError):
+                answer.set_result(result)
+
+    def _execute(self, command: PickCommand) -> int | None:
+        if isinstance(command, Finish):
+            self._check_phase("written", "nothing is written yet: choose the targets first")
+            self.finished.set()
+            return None
+        self._check_phase("picking", "the clip is being tracked: the targets cannot be changed")
+        match command:
+            case Seek(index):
+                frame = self._reader.read(index, self._is_wanted)
+                self._show(frame)
+                return frame.index
+            case AddBox(frame_index, xywh):
+                return self._add(self._frame(frame_index), xywh)
+            case Click(frame_index, point_xy):
+                return self._click(self._frame(frame_index), point_xy)
+            case Adjust(id, xywh):
+                self._adjust(id, xywh)
+            case Discard(id):
+                removed = self._find(id)
+                self._set_targets([each for each in self._state.targets if each != removed])
+            case Undo():
+                self._take_back()
+            case Preview(id):
+                self._preview(id)
+            case TrackAll():
+                if not self._state.targets:
+                    raise CommandError("not-possible", "no target yet: click one in the frame")
+                self._change(phase="tracking", can_undo=False)
+                self.chosen.set()
+        return None
+
+    def _check_phase(self, phase: str, advice: str) -> None:
+        if self._state.phase != phase:
+            raise CommandError("not-possible", advice)
+
+    def _frame(self, index: int) -> Frame:
+        """The frame in which a person has drawn or clicked: the one that is shown."""
+        shown = None if self.newest is None else self.newest.frame
+        if shown is None or shown.index != index:
+            raise CommandError("too-old", f"frame {index} is not shown any more: try again")
+        if not self._is_selectable(shown):
+            text = f"frame {index} is before the part that is tracked: choose a later one"
+            raise CommandError("not-possible", text)
+        return shown
+
+    def _click(self, frame: Frame, point_xy: tuple[float, float]) -> int:
+        width, height = self.size_wh
+        if not (0 <= point_xy[0] <= width and 0 <= point_xy[1] <= height):
+            x, y = point_xy
+            raise CommandError("bad-box", f"point {x:g}, {y:g} is outside of the frame")
+        return self._add(frame, self._propose(frame.image, point_xy))
+
+    def _add(self, frame: Frame, xywh: XYWH) -> int:
+        targets = self._state.targets
+        if len(targets) >= self.limits.targets:
+            text = f"{self.limits.targets} targets are chosen already: remove one first"
+            raise CommandError("too-many-targets", text)
+        added = PickedTarget(self._last_id + 1, frame.index, self._checked(xywh))
+        self._last_id = added.id
+        self._set_targets([*targets, added])
+        return added.id
+
+    def _adjust(self, id: int, xywh: XYWH) -> None:
+        old, checked = self._find(id), self._checked(xywh)
+        changed = replace(old, xywh=checked)
+        self._set_targets([changed if each == old else each for each in self._state.targets])
+
+    def _checked(self, xywh: XYWH) -> XYWH:
+        try:
+            return check_box(xywh, self.size_wh)
+        except SsiamError as error:
+            raise CommandError("bad-box", str(error)) from error
+
+    def _find(self, id: int) -> PickedTarget:
+        for each in self._state.targets:
+            if each.id == id:
+                return each
+        raise CommandError("no-such-target", f"there is no target {id}")
+
+    def _set_targets(self, targets: list[PickedTarget]) -> None:
+        self._undo.append(self._state.targets)
+        self._change(targets=tuple(targets), can_undo=True)
+        self._repeat()
+
+    def _take_back(self) -> None:
+        if not self._undo:
+            raise CommandError("not-possible", "nothing to take back")
+        targets = self._undo.pop()
+        self._change(targets=targets, can_undo=bool(self._undo))
+        self._repeat()
+
+    def _preview(self, id: int | None) -> None:
+        targets = self._state.targets
+        if not targets:
+            raise CommandError("not-possible", "no target yet: click one in the frame")
+        first = min(each.frame for each in targets) if id is None else self._find(id).frame
+        rate = min(max(self.fps, _PREVIEW_RATES[0]), _PREVIEW_RATES[1])
+        count = max(2, round(_PREVIEW_SECONDS * self.fps))
+        self._change(phase="preview")
+        try:
+            self._track(targets, first, count, rate)
+        finally:
+            self._change(phase="picking")
+
+    def _track(self, picked: tuple[PickedTarget, ...], first: int, count: int, rate: float) -> None:
+        """Track `count` frames from `first` on, and show them at `rate`, unless a command comes."""
+        tracked = Targets(self._tracker, len(picked), lambda context, error: one_line(error))
+        numbers: list[int] = []  # of the picked targets, in the order in which they are tracked
+        due = time.monotonic()
+        for index in range(first, first + count):
+            frame = self._reader.read(index, lambda frame: not self._is_interrupted())
+            if frame.index != index:
+                return  # the end of the clip
+            if index == first:
+                tracked.begin(frame)
+            else:
+                tracked.update(frame)
+            for number, each in enumerate(picked):
+                if each.frame == index:
+                    tracked.add([frame], each.xywh, None)
+                    numbers.append(number)
+            shown = tuple(
+                replace(target, id=picked[n].id, name=target_name(n), color=target_color(n))
+                for n, target in zip(numbers, tracked.snapshot(), strict=True)
+            )
+            self._show(frame, shown)
+            due += 1 / rate
+            with self._arrived:
+                wait = due - time.monotonic()
+                if self._arrived.wait_for(self._is_interrupted, max(0.0, wait)):
+                    return
+
+    def _is_interrupted(self) -> bool:
+        return bool(self._waiting) or self._closing
+
+    def _is_wanted(self, passing: Frame) -> bool:
+        """Show some of the frames that are decoded on the way to another one."""
+        now = time.monotonic()
+        if now - self._passed_at >= _PASSING_INTERVAL:
+            self._passed_at = now
+            self._show(passing)
+        return not self._is_interrupted()
+
+    def _repeat(self) -> None:
+        """Show the same frame with the current targets."""
+        if self.newest is not None:
+            self._show(self.newest.frame)
+
+    def _show(self, frame: Frame, tracked: tuple[Target, ...] | None = None) -> None:
+        """Show a frame, by default with the targets that begin in it."""
+        if self._reader.length != self._state.length:
+            self._change(length=self._reader.length)
+        targets = tracked
+        if targets is None:
+            targets = tuple(
+                Target(each.id, target_name(number), target_color(number), Track(each.xywh))
+                for number, each in enumerate(self._state.targets)
+                if each.frame == frame.index
+            )
+        now = time.monotonic()
+        self._passed_at = now
+        self.newest = Step(
+            number=1 if self.newest is None else self.newest.number + 1,
+            frame=frame,
+            targets=targets,
+            motion=None,
+            stab_from_raw=IDENTITY,
+            stabilize=self._tracker.config.stabilize,
+            arrived=now,
+            done=now,
+            fps=self.fps,
+            dropped=0,
+            playback="paused" if tracked is None else "playing",
+        )
+        self._steps.notify(self.newest)
+
+    def _change(self, **fields: Any) -> None:
+        with self._lock:
+            self._state = replace(self._state, **fields)
+            self._states.notify(self._state)
+
+
+def target_name(number: int) -> str:
+    """Name of a target, by its place among the chosen ones: as the run numbers them."""
+    return f"target {number + 1}"
+
+
+def _settle(answer: Future[Any], error: SsiamError) -> None:
+    with suppress(InvalidStateError):
+        answer.set_exception(error)
