@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 
 import pytest
 from websockets.sync.client import connect
@@ -87,6 +88,22 @@ def test_live_session(clip, start_live, tmp_path):
     (recording,) = recordings.iterdir()
     assert len(list(open_source(recording / "video.mp4"))) >= 1
     assert log.stat().st_size > 1000
+
+
+def test_boxes_and_outputs_of_the_command_line(clip, start_live, tmp_path):
+    results = tmp_path / "r.csv"
+    box = ",".join(map(str, clip[1]))
+    options = ["--box", box, "--box", "9999,9,9,9", "--results", str(results)]
+    process, line = start_live(*options, "--pace", "fast")
+    assert line.startswith(f"{clip[0]}: http://127.0.0.1:")
+    assert process.stderr.readline().startswith("ssiam: --box 9999,9,9,9: ")
+    part = tmp_path / "r.part.csv"
+    deadline = time.monotonic() + SECONDS
+    while part.read_bytes().count(b"\n") < 5:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert interrupt(process) == (0, "")
+    assert results.read_text().splitlines()[1].startswith("1,")
 
 
 def test_token_option(start_live):
