@@ -110,6 +110,22 @@ def test_a_file_waits_on_its_first_frame(start_live):
             step = next_step()
 
 
+def test_boxes_and_outputs_of_the_command_line(clip, start_live, tmp_path):
+    results = tmp_path / "r.csv"
+    box = ",".join(map(str, clip[1]))
+    options = ["--box", box, "--box", "9999,9,9,9", "--results", str(results)]
+    process, line = start_live(*options, "--pace", "fast")
+    assert line.startswith(f"{clip[0]}: http://127.0.0.1:")
+    assert process.stderr.readline().startswith("ssiam: --box 9999,9,9,9: ")
+    part = tmp_path / "r.part.csv"
+    deadline = time.monotonic() + SECONDS
+    while part.read_bytes().count(b"\n") < 5:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert interrupt(process) == (0, "")
+    assert results.read_text().splitlines()[1].startswith("1,")
+
+
 def test_token_option(start_live):
     process, line = start_live("--token")
     page, _, token = find_address(line).partition("/#token=")

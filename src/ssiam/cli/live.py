@@ -161,7 +161,7 @@ def live(
         stack.callback(session.close)
         session.listen_notes(show)
         session.listen_health(show)
-        initial = InitialTargets(session, targets)
+        initial = InitialTargets(session, targets, notify=not headless)
         for folder in abandoned_recordings():
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             show(Note("info", f"{text} lists them"))

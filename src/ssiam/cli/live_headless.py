@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from ssiam.cli.moments import PlannedTarget
 from ssiam.errors import ArgumentError, IncompleteError, SourceError
-from ssiam.web import Add, Session, Step
+from ssiam.web import Add, Note, Session, Step
 from ssiam.web.output_files import OutputFiles
 
 _POLL: Final = 0.5  # seconds between two attempts to open a source
@@ -69,16 +70,21 @@ class InitialTargets:
         Not started yet.
     targets : sequence of PlannedTarget
         That begin at no given time; otherwise `ArgumentError`.
+    notify : bool
+        Whether a refused target is a note of the session, for people who watch it; otherwise call
+        `check`.
     """
 
-    def __init__(self, session: Session, targets: Sequence[PlannedTarget]) -> None:
+    def __init__(
+        self, session: Session, targets: Sequence[PlannedTarget], *, notify: bool = False
+    ) -> None:
         for target in targets:
             if target.begins is not None:
                 raise ArgumentError(
                     f"{target.label} begins at a later time, but a live source has no timeline: "
                     "give the box of the first frame, x,y,width,height"
                 )
-        self._session, self._targets = session, targets
+        self._session, self._targets, self._notify = session, targets, notify
         self._answers: list[Future[Any]] = []
         self._unlisten = session.listen(self._add)
 
@@ -87,6 +93,13 @@ class InitialTargets:
         self._answers = [
             self._session.submit(Add(target.xywh, step.number)) for target in self._targets
         ]
+        for target, answer in zip(self._targets, self._answers, strict=True):
+            answer.add_done_callback(partial(self._report, target))
+
+    def _report(self, target: PlannedTarget, answer: Future[Any]) -> None:
+        error = answer.exception()
+        if error is not None and self._notify:
+            self._session.notify(Note("error", f"{target.label}: {error}"))
 
     def check(self) -> None:
         """Raise the `SsiamError` of a target that was refused."""

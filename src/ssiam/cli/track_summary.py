@@ -136,7 +136,7 @@ class Summary:
 
     def _lines(self) -> Iterator[str]:
         steps = max(self._steps, 1)
-        speed = steps / self.timer.total if self.timer.total else 0.0
+        speed = self._steps / self.timer.total if self.timer.total else 0.0
         yield f"tracked {self._frames} frames of {self._title}: {speed:.0f} fps"
         for number, begins in enumerate(self._begins):
             yield f"  target {number + 1}: {self._target_text(number, begins)}"
