@@ -60,7 +60,7 @@ def record_camera(sequence: VideoSequence, config: StabilizerConfig) -> CameraRe
     SourceError
         A frame cannot be read.
     """
-    camera = CameraMotion(config.keypoints, config.fit, model="rigid")
+    camera = CameraMotion(config.keypoints, config.fit, model="rigid", spread=config.spread)
     recent_path, stabilizer = CameraPath(config.paper.window), Stabilizer(config)
     steps, corrections, transforms, reliable = [], [], [], []
     for index, image in enumerate(sequence.images()):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,7 +35,12 @@ from ssiam.stabilize import METHODS, StabilizerConfig
 _EXPERIMENTS: Final[tuple[Experiment, ...]] = ("baseline", "unsupervised")
 _MAX_NAMES: Final = 4  # in a note
 _SETTINGS: Final = r"-(?=[a-z_0-9]+=)"  # before each setting of a label
-_PARSERS: Final = {int: int, float: float}  # by type of an option
+_BOOLS: Final = {"True": True, "False": False}
+_PARSERS: Final[dict[type, Callable[[str], Any]]] = {  # by type of an option
+    int: int,
+    float: float,
+    bool: _BOOLS.__getitem__,
+}
 
 
 @dataclass(frozen=True, eq=False)
