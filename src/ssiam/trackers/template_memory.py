@@ -235,7 +235,6 @@ class TemplateMemoryTracker(DeepCopied):
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, searched around `xywh`; no template is taken from it."""
-        _ = self._target
         return self._best(view, self._tracker.seek(view, xywh), xywh)
 
     def clone(self) -> TemplateMemoryTracker:
