@@ -14,9 +14,9 @@ the time of a frame without that of the motion, relative to "base" in the same r
 
 The sets "reserve" (ten sequences of OTB) and "mot" (the 24 targets of
 benchmarks/accuracy/distractors.py, without those that the shake moves out of the first frame) are
-only reported; nothing was chosen on them. The parameters of
-the memory were chosen on "sequences" (the ten test sequences) and "adl" (five targets of
-ADL-Rundle-6). Needs the folder of test data (see benchmarks/common/data.py).
+only reported; nothing was chosen on them. The parameters of the memory were chosen on "sequences"
+(the ten test sequences) and "adl" (five targets of ADL-Rundle-6). Needs the folder of test data
+(see benchmarks/common/data.py).
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@
 
 Drawn scenes (640x360): the root mean square error c as in benchmarks/motion/compare.py, pixels.
 Real sequences shaken by 3 % of the width with 1 degree of roll: the median error, % of the width,
-and the share of frames with an error of more than 1 %. The target's box is excluded, unless the
-columns say "no box": then most keypoints may be on the target. Needs the folder of test data (see
+and the share of frames with an error of more than 1 %. The target's box is excluded, unless a
+column says "no box": then many keypoints may be on the target. Needs the folder of test data (see
 benchmarks/common/data.py).
 """
 
@@ -47,13 +47,10 @@ def estimates(camera: ssiam.CameraMotion, clip: Clip, exclude: bool) -> NDArray[
     return np.stack([motion.cur_from_prev for motion in motions])
 
 
-def drawn_error(clips: Sequence[Clip], camera: ssiam.CameraMotion, exclude: bool) -> float:
-    """Mean c over the drawn scenes, pixels."""
-    errors = []
-    for clip in clips:
-        distances = clip.errors(estimates(camera_like(camera), clip, exclude), None)
-        errors.append(np.sqrt(np.mean(distances**2)))
-    return float(np.mean(errors))
+def drawn_errors(clips: Sequence[Clip], camera: ssiam.CameraMotion) -> list[float]:
+    """The error c of each drawn scene, pixels."""
+    distances = [clip.errors(estimates(camera_like(camera), clip, True), None) for clip in clips]
+    return [float(np.sqrt(np.mean(each**2))) for each in distances]
 
 
 def real_error(
@@ -90,22 +87,16 @@ def main() -> None:
         boxes = np.array([sequence.box(index) for index in range(len(frames))])
         unshaken = Clip(REAL, UNSHAKEN, name, frames, boxes)
         real.append((unshaken, shaken(unshaken, SHAKE)))
-    print(
-        head(
-            [
-                *("keypoints", "fit", "spread", "drawn: c", "no box"),
-                *("real: median", "no box", "> 1 %", "no box"),
-            ]
-        )
-    )
+    scenes = " / ".join(clip.scene for clip in drawn)
+    columns = ("keypoints", "fit", "spread", f"c: {scenes}", "median", "no box", "> 1 %", "no box")
+    print(head(columns))
     for name, fit, spread in product(chosen.keypoints, chosen.fits, (True, False)):
         keypoints = check_choice("keypoints", name, KEYPOINTS)
         camera = ssiam.CameraMotion(keypoints, check_choice("fit", fit, FITS), spread=spread)
-        on_drawn = [drawn_error(drawn, camera, exclude) for exclude in (True, False)]
         on_real = [real_error(real, camera, exclude) for exclude in (True, False)]
         cells = [
             *(name, fit, "on" if spread else "off"),
-            *(f"{error:.2f} px" for error in on_drawn),
+            " / ".join(f"{error:.2f}" for error in drawn_errors(drawn, camera)) + " px",
             *(f"{median:.3f} %" for median, _ in on_real),
             *(f"{100 * share:.1f} %" for _, share in on_real),
         ]
