@@ -15,7 +15,12 @@ PEERS = (fear_xs.NAME,)
 
 
 def load(
-    name: str, stabilize: str | StabilizerConfig = "predict", threads: int = 1
+    name: str,
+    stabilize: str | StabilizerConfig = "predict",
+    threads: int = 1,
+    *,
+    template_memory: bool = False,
+    distractors: bool | None = None,
 ) -> StabilizedTracker:
     """Load a tracker.
 
@@ -26,6 +31,9 @@ def load(
         "lite=runs/mine". The weights of NanoTrack and of peers are in the folder of test data.
     stabilize : str or StabilizerConfig
     threads : int
+    template_memory : bool
+    distractors : bool, optional
+        As for `ssiam.load_tracker`; not for peers.
     """
     name, _, path = name.partition("=")
     config: Method | StabilizerConfig = (
@@ -37,5 +45,10 @@ def load(
     if not path and name.startswith("nanotrack"):
         weights = nanotrack_weights(name)
     return ssiam.load_tracker(
-        check_choice("tracker", name, TRACKERS), weights=weights, stabilize=config, threads=threads
+        check_choice("tracker", name, TRACKERS),
+        weights=weights,
+        stabilize=config,
+        threads=threads,
+        template_memory=template_memory,
+        distractors=distractors,
     )

@@ -23,6 +23,26 @@ def test_table_lists_every_tracker(dataset, tmp_path, capsys):
     assert (tmp_path / "kcf-off" / "baseline" / "clip0" / "clip0_001.txt").is_file()
 
 
+def test_runs_with_a_template_memory_are_other_runs(dataset, tmp_path, capsys):
+    arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf,lite"]
+    arguments += ["--stabilize", "off"]
+    assert main(arguments) == 0
+    assert main([*arguments, "--template-memory", "--no-distractors"]) == 0
+    output = capsys.readouterr().out
+    label = "lite-off-template_memory=True-distractors=False"
+    assert label in output
+    assert {path.name for path in tmp_path.iterdir()} == {"kcf-off", "lite-off", label}
+    assert main(["eval", str(tmp_path), "--dataset", str(dataset)]) == 0
+    assert "template_memory=True" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("option", ["--template-memory", "--distractors", "--no-distractors"])
+def test_presets_have_neither_memory_nor_distractors(dataset, tmp_path, capsys, option):
+    arguments = ["bench", str(dataset), "--out", str(tmp_path), "--preset", "table2", option]
+    assert main(arguments) == 2
+    assert "--preset table2: the paper's tables have neither" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("shake", ["0", "0.01"])
 def test_one_pass_runs_have_no_lost_targets(dataset, tmp_path, capsys, shake):
     arguments = ["bench", str(dataset), "--out", str(tmp_path), "--trackers", "kcf"]

@@ -52,6 +52,15 @@ def test_stabilization_methods(clip, tmp_path, stabilize):
     assert np.abs(np.subtract(found, truth)[:, :2]).mean() < 4
 
 
+def test_template_memory_and_distractors_are_options(clip, tmp_path):
+    path, truth = clip
+    results = tmp_path / "r.csv"
+    arguments = ["--template-memory", "--no-distractors", "--results", str(results)]
+    assert main(["track", str(path), "--box", box_of(BOX), *arguments]) == 0
+    for row, (x, y, _, _) in zip(rows_of(results), truth, strict=True):
+        assert np.hypot(float(row["x"]) - x, float(row["y"]) - y) < 10
+
+
 def test_targets_share_one_camera_motion(clip, tmp_path):
     results = tmp_path / "r.csv"
     boxes = ["--box", box_of(BOX), "--box", "40,30,50,50", "--box", "220,150,40,40"]

@@ -57,6 +57,16 @@ NANO = ("--tracker", "nanotrack_v2")
             "csrt has no network",
             id="precision without a network",
         ),
+        pytest.param(
+            (*CLIP_BOX, *CSRT, "--template-memory"),
+            "csrt cannot search around",
+            id="memory without a search",
+        ),
+        pytest.param(
+            (*CLIP_BOX, *CSRT, "--distractors"),
+            "csrt has no score map",
+            id="distractors without a score map",
+        ),
         pytest.param((*CLIP_BOX, "--out", "missing/o.mp4"), "missing", id="no output folder"),
         pytest.param((*CLIP_BOX, "--out", "empty"), "empty", id="output is a folder"),
         pytest.param((*CLIP_BOX, "--out", "/proc/o.mp4"), "/proc", id="folder not writable"),

@@ -139,6 +139,35 @@ def test_trackers_without_networks_take_only_the_threads():
     assert [each.label for each in entries(["mil"], ["off"], {}, options)] == ["mil-off-threads=4"]
 
 
+def test_labels_have_the_template_memory_and_distractors():
+    entry = Entry("lite", OFF, template_memory=True, distractors=False)
+    assert entry.label == "lite-off-template_memory=True-distractors=False"
+    assert parse_label(entry.label) == ("lite", OFF)
+    assert parse_variant(entry.label) == "template_memory=True, distractors=False"
+    assert Entry("siamfc", OFF, distractors=True).label == "siamfc-off-distractors=True"
+
+
+def test_distractors_as_by_default_do_not_change_the_label():
+    assert Entry("lite", OFF, distractors=True).label == "lite-off"
+    assert Entry("siamfc", OFF, distractors=False).label == "siamfc-off"
+
+
+def test_trackers_without_networks_have_neither_memory_nor_distractors():
+    both = entries(["kcf", "lite"], ["off"], {}, template_memory=True, distractors=False)
+    assert [each.label for each in both] == [
+        "kcf-off",
+        "lite-off-template_memory=True-distractors=False",
+    ]
+
+
+def test_labels_have_settings_that_are_on_or_off():
+    config = StabilizerConfig("paper").with_options(spread=False)
+    entry = Entry("kcf", config)
+    assert entry.label == "kcf-paper-spread=False"
+    assert parse_label(entry.label) == ("kcf", config)
+    assert parse_label("kcf-paper-spread=maybe") is None
+
+
 def test_the_digest_is_of_the_files_that_the_runtime_reads(weights, tmp_path):
     checkpoint = tmp_path / "model.pth"
     checkpoint.write_bytes(b"weights")

@@ -141,7 +141,7 @@ def marker_responses():
 
     def answer(t, crops, kernel):
         yy, xx = np.mgrid[0:17, 0:17]
-        true_area = marked(kernel[0]).sum()
+        true_area = max(marked(kernel[0]).sum(), 1)
         responses = np.zeros((3, 1, 17, 17), np.float32)
         for crop, response in zip(crops, responses, strict=True):
             rows, columns = np.nonzero(marked(crop))

@@ -49,7 +49,7 @@ def test_invalid_arguments_are_named(values, message):
 
 def test_options_are_the_flat_settings_in_the_order_of_labels():
     assert list(StabilizerConfig().options()) == [
-        *("keypoints", "fit"),
+        *("keypoints", "fit", "spread"),
         *("window", "gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"),
         *("judge", "shake", "limits", "tha_limits", "tha_unit"),
         *("choose", "speed", "turn", "trust", "find", "memory", "smoothing", "margin"),

@@ -46,6 +46,8 @@ def bench(
     trackers: Annotated[str | None, Parameter(group=_RUNS_GROUP)] = None,
     stabilize: Annotated[str, Parameter(group=_RUNS_GROUP)] = "off,paper,predict",
     weights: Annotated[list[str] | None, Parameter(group=_RUNS_GROUP, negative=())] = None,
+    template_memory: Annotated[bool, Parameter(group=_RUNS_GROUP, negative=())] = False,
+    distractors: Annotated[bool | None, Parameter(group=_RUNS_GROUP)] = None,
     protocol: Annotated[ProtocolName, Parameter(group=_RUNS_GROUP)] = "vot",
     preset_name: Annotated[str | None, Parameter(name="--preset", group=_RUNS_GROUP)] = None,
     shake: Annotated[str, Parameter(group=_SHAKE_GROUP)] = "0",
@@ -64,8 +66,8 @@ def bench(
     """Run trackers over datasets, each with and without stabilization.
 
     Finished runs are not repeated: after an interruption, start the same command again to
-    continue. Runs with other weights, or with another runtime, device, precision or number of
-    threads, are other runs, with results of their own.
+    continue. Runs with other weights, with another runtime, device, precision or number of
+    threads, or with a template memory or distractors, are other runs, with results of their own.
 
     Parameters
     ----------
@@ -81,6 +83,11 @@ def bench(
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
         NAME=PATH: a tracker and the file or folder of its weights. Repeat for further trackers.
+    template_memory
+        Take further templates of the targets, after THOR. It and distractors do not change trackers
+        without networks.
+    distractors
+        Recognize objects like the target by their positions. By default only lite does.
     protocol
         vot restarts the tracker five frames after a failure, ope never restarts it, realtime is vot
         at 20 frames per second: a tracker that is too slow misses frames.
@@ -126,6 +133,11 @@ def bench(
         shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border
     )
     names = None if trackers is None else split_words(trackers)
+    if preset_name is not None and (template_memory or distractors is not None):
+        raise ArgumentError(
+            f"--preset {preset_name}: the paper's tables have neither --template-memory nor "
+            "--distractors; leave them out"
+        )
     opened = [open_dataset(path) for path in dataset]
     _check_names(dataset, opened)
     if preset_name is not None:
@@ -136,7 +148,14 @@ def bench(
             print(f"missing: {line}")
     else:
         methods = [check_choice("stabilize", word, METHODS) for word in split_words(stabilize)]
-        competitors = entries(names or ["csrt"], methods, paths, options)
+        competitors = entries(
+            names or ["csrt"],
+            methods,
+            paths,
+            options,
+            template_memory=template_memory,
+            distractors=distractors,
+        )
     planned = [
         task
         for path, each in zip(dataset, opened, strict=True)

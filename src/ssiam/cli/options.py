@@ -58,6 +58,10 @@ class TrackerOptions:
     device
         Device that runs the networks, by default the CPU. onnxruntime supports cuda, tensorrt and
         coreml, torch supports cuda and mps.
+    template_memory
+        Take further templates of the target while it is tracked, after THOR.
+    distractors
+        Recognize objects like the target by their positions. By default only lite does.
     """
 
     tracker: Annotated[TrackerName, Parameter(group=TARGET_GROUP)] = DEFAULT_TRACKER
@@ -66,6 +70,8 @@ class TrackerOptions:
     threads: Annotated[int, Parameter(group=RUNTIME_GROUP)] = min(2, os.cpu_count() or 1)
     precision: Annotated[Precision, Parameter(group=RUNTIME_GROUP)] = "f32"
     device: Annotated[DeviceName | None, Parameter(group=RUNTIME_GROUP)] = None
+    template_memory: Annotated[bool, Parameter(group=TARGET_GROUP)] = False
+    distractors: Annotated[bool | None, Parameter(group=TARGET_GROUP)] = None
 
     def weight_files(self) -> list[NamedPath]:
         """The files that are read as weights, to check that no output is one of them."""
@@ -84,6 +90,8 @@ class TrackerOptions:
             threads=self.threads,
             precision=self.precision,
             device=self.device,
+            template_memory=self.template_memory,
+            distractors=self.distractors,
         )
 
 

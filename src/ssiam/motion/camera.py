@@ -60,11 +60,13 @@ class CameraMotion(DeepCopied):
         Degrees of freedom of the motion: "rigid" (the paper's) is rotation and shift;
         "similarity" adds zoom, "affine" shear, "homography" tilt. `Motion.shift_angle` is the
         rigid part.
+    spread : bool
+        Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
 
     Raises
     ------
     ArgumentError
-        A name is not one of the choices.
+        A name is not one of the choices, or `spread` is not True or False.
 
     Examples
     --------
@@ -79,10 +81,14 @@ class CameraMotion(DeepCopied):
         keypoints: KeypointName = "direct",
         fit: FitName = "robust",
         model: ModelName = "similarity",
+        spread: bool = True,
     ) -> None:
         self._keypoints: KeypointName = check_choice("keypoints", keypoints, KEYPOINTS)
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
         self._model: ModelName = check_choice("model", model, get_args(ModelName))
+        if not isinstance(spread, bool):
+            raise ArgumentError(f"spread is {short_repr(spread)}: it must be True or False")
+        self._spread = spread
         self._size_wh: tuple[int, int] | None = None
         self._content: ContentDetector | None = None
         self._estimator: _Estimator | None = None
@@ -162,7 +168,7 @@ class CameraMotion(DeepCopied):
             estimator: _Estimator = DirectMotion(size_wh, self._model)
         else:
             generator = KeypointGenerator(self._keypoints)
-            estimator = KeypointMotion(size_wh, generator, self._fit, self._model)
+            estimator = KeypointMotion(size_wh, generator, self._fit, self._model, self._spread)
         estimator.set_previous(frame)
         return estimator
 

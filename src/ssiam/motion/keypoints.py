@@ -55,6 +55,8 @@ class KeypointMotion:
     generator : KeypointGenerator
     fit : {"robust", "least_squares"}
     model : {"rigid", "similarity", "affine", "homography"}
+    spread : bool
+        Whether only the strongest point of each cell of a grid is used.
     """
 
     def __init__(
@@ -63,11 +65,13 @@ class KeypointMotion:
         generator: KeypointGenerator,
         fit: FitName,
         model: ModelName,
+        spread: bool = True,
     ) -> None:
         self._size_wh = size_wh
         self._generator = generator
         self._fit: FitName = fit
         self._model: ModelName = model
+        self._spread_points = spread
         self._tolerance = max(_TOLERANCE * max(size_wh), _MIN_TOLERANCE)
         self._prev_gray: Image | None = None
 
@@ -89,9 +93,9 @@ class KeypointMotion:
         if is_blank(cur_gray[::_BLANK_STRIDE, ::_BLANK_STRIDE].copy()):
             return Motion.none(self._size_wh)
         self._prev_gray = cur_gray
-        points = _spread(
-            self._generator(prev_gray, self._background(prev_gray, boxes)), self._size_wh
-        )
+        points = self._generator(prev_gray, self._background(prev_gray, boxes))
+        if self._spread_points:
+            points = _spread(points, self._size_wh)
         prev_xy, cur_xy = _follow(prev_gray, cur_gray, points)
         if len(prev_xy) < _MIN_POINTS:
             return Motion.none(self._size_wh)

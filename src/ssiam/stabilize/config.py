@@ -197,6 +197,9 @@ class StabilizerConfig:
         other methods.
     fit : {"robust", "least_squares"}
         How the camera motion is fitted to keypoints; least squares is the printed form (eq. 3).
+    spread : bool
+        Use only the strongest keypoint of each of 16x12 cells of the frame, so that the keypoints
+        are evenly spread; not used by "direct".
     paper : PaperConfig
         Settings of "paper" and "literal".
     predict : PredictConfig
@@ -217,6 +220,7 @@ class StabilizerConfig:
     stabilize: Method = "predict"
     keypoints: KeypointName = None  # type: ignore[assignment]  # replaced in __post_init__
     fit: FitName = "robust"
+    spread: bool = True
     paper: PaperConfig = PaperConfig()
     predict: PredictConfig = PredictConfig()
 
@@ -227,6 +231,7 @@ class StabilizerConfig:
             object.__setattr__(self, "keypoints", default)
         check_choice("keypoints", self.keypoints, KEYPOINTS)
         check_choice("fit", self.fit, get_args(FitName))
+        _check_type(self, "spread", bool, "True or False")
         for name, part in _PARTS.items():
             _check_type(self, name, part, f"a {part.__name__}")
 
@@ -237,7 +242,11 @@ class StabilizerConfig:
 
     def options(self) -> dict[str, Any]:
         """All settings except the method, by the names of the command line and of labels."""
-        values: dict[str, Any] = {"keypoints": self.keypoints, "fit": self.fit}
+        values: dict[str, Any] = {
+            "keypoints": self.keypoints,
+            "fit": self.fit,
+            "spread": self.spread,
+        }
         for name in _PARTS:
             part = getattr(self, name)
             values |= {field.name: getattr(part, field.name) for field in fields(part)}

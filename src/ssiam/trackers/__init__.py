@@ -8,6 +8,7 @@ from ssiam.trackers.registry import (
     TrackerName,
     has_networks,
     load_tracker,
+    recognizes_distractors,
     weights_path,
 )
 from ssiam.trackers.stabilized import StabilizedTracker
@@ -21,5 +22,6 @@ __all__ = [
     "ViewTracker",
     "has_networks",
     "load_tracker",
+    "recognizes_distractors",
     "weights_path",
 ]

@@ -63,6 +63,11 @@ class ScoredCandidates:
     peaks: list[int]
     is_distractor: Flags
 
+    @property
+    def allowed_score(self) -> Floats:
+        """The scores (n,), -1 for candidates of a distractor."""
+        return np.where(self.is_distractor, -1.0, self.score)
+
     def distances(self, positions_xy: Floats, xy: Floats) -> Floats:
         """Distances (n,) of positions (n, 2) from a point (2,), in target sizes."""
         return np.asarray(np.linalg.norm(positions_xy - xy, axis=-1) / self.target_size)
@@ -73,13 +78,21 @@ class DistractorTracker:
 
     In a predicted view, objects that move like the target keep their positions; if only the camera
     shakes, so does the whole scene.
+
+    Parameters
+    ----------
+    enabled : bool
+        If not, there are never any distractors.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, enabled: bool = True) -> None:
+        self._enabled = enabled
         self._distractors: list[_Distractor] = []
         self._target_score = 0.0  # running mean
 
-    def detect(self, positions_xy: Floats, score: Floats, last: TargetState) -> ScoredCandidates:
+    def detect(
+        self, positions_xy: Floats, score: Floats, last: TargetState, anchors: int = 1
+    ) -> ScoredCandidates:
         """Find the candidates that belong to a known distractor.
 
         There are none if no peak is at the target's position, or if the target's mean score is
@@ -88,11 +101,14 @@ class DistractorTracker:
         Parameters
         ----------
         positions_xy : (n, 2) float64
-            Centers of the candidates' boxes, view pixels, row by row of a square map.
+            Centers of the candidates' boxes, view pixels, row by row of a square map for each
+            anchor.
         score : (n,) float64
             0..1.
         last : TargetState
             Last or predicted state of the target, view pixels.
+        anchors : int
+            Candidates in each cell of the map.
 
         Returns
         -------
@@ -101,9 +117,8 @@ class DistractorTracker:
         """
         size = math.sqrt(math.prod(last.size_wh))
         flags = np.zeros(len(score), dtype=np.bool_)
-        candidates = ScoredCandidates(
-            positions_xy, score, size, _peaks(positions_xy, score, size), flags
-        )
+        peaks = _peaks(positions_xy, score, size, anchors) if self._enabled else []
+        candidates = ScoredCandidates(positions_xy, score, size, peaks, flags)
         from_target = candidates.distances(positions_xy, np.asarray(last.center_xy))
         if (
             self._target_score >= _MIN_TARGET_SCORE
@@ -145,12 +160,12 @@ class DistractorTracker:
         ]
 
 
-def _peaks(positions_xy: Floats, score: Floats, target_size: float) -> list[int]:
-    """Indices of the score map's peaks in descending order, one for each object."""
-    side = math.isqrt(len(score))
-    score_map = score.reshape(side, side)
+def _peaks(positions_xy: Floats, score: Floats, target_size: float, anchors: int) -> list[int]:
+    """Indices of the score maps' peaks in descending order, one for each object."""
+    side = math.isqrt(len(score) // anchors)
+    score_map = score.reshape(anchors, side, side).max(axis=0)
     local_maximum = cv2.dilate(score_map, np.ones((3, 3), dtype=np.uint8)).ravel()
-    maxima = np.flatnonzero((score >= local_maximum) & (score > _MIN_PEAK))
+    maxima = np.flatnonzero((score >= np.tile(local_maximum, anchors)) & (score > _MIN_PEAK))
     peaks: list[int] = []
     for index in maxima[np.argsort(-score[maxima])].tolist():
         distances = np.linalg.norm(positions_xy[peaks] - positions_xy[index], axis=-1)

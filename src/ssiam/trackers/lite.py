@@ -32,6 +32,7 @@ from ssiam.trackers.siamese import (
     boxes_from_distances,
     cosine_window,
     crop_tensor,
+    flattened,
     grid_points,
     min_size,
     min_size_iou,
@@ -116,6 +117,8 @@ class LiteTracker(SiameseTracker[_Target]):
     mask_threshold : float
         Probability above which a pixel belongs to the target. The default is below one half: the
         IoU of masks is best if uncertain pixels are included.
+    distractors : bool
+        Whether objects like the target are recognized by their positions.
     """
 
     def __init__(
@@ -126,8 +129,9 @@ class LiteTracker(SiameseTracker[_Target]):
         *,
         masks: bool = True,
         mask_threshold: float = MASK_THRESHOLD,
+        distractors: bool = True,
     ) -> None:
-        super().__init__()
+        super().__init__(distractors)
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
@@ -143,7 +147,7 @@ class LiteTracker(SiameseTracker[_Target]):
         crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         min_wh = min_size(state.size_wh)
-        self._start(_Target(state, min_wh, kernel, fill, DistractorTracker()))
+        self._start(_Target(state, min_wh, kernel, fill, DistractorTracker(self._has_distractors)))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners unless `masks` is off."""
@@ -161,8 +165,9 @@ class LiteTracker(SiameseTracker[_Target]):
         boxes[:2] += crop_offset[:, None] * zoom
         size = np.array(last.size_wh) * zoom
         candidates = target.distractors.detect(boxes[:2].T / zoom + last.center_xy, score, last)
-        allowed = np.where(candidates.is_distractor, -1.0, score)
-        best, penalty = select_candidate(boxes, allowed, size, self._window, self._parameters)
+        best, penalty = select_candidate(
+            boxes, candidates.allowed_score, size, self._window, self._parameters
+        )
         target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
         target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
@@ -183,9 +188,13 @@ class LiteTracker(SiameseTracker[_Target]):
         )
         return track.with_changes(corners=outline, mask=outline)
 
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
+        return flattened([self._target.kernel])
+
     def _move_to(self, xywh: XYWH) -> None:
         self._target.state = TargetState.from_reported_xywh(xywh)
-        self._target.distractors = DistractorTracker()
+        self._target.distractors = DistractorTracker(self._has_distractors)
 
 
 def _outline(

@@ -29,6 +29,7 @@ from ssiam.trackers.siamese import (
     boxes_from_distances,
     cosine_window,
     crop_tensor,
+    flattened,
     grid_points,
     next_state,
     select_candidate,
@@ -152,7 +153,7 @@ class Lite2Tracker(SiameseTracker[_Target]):
         masks: bool = True,
         mask_threshold: float = MASK_THRESHOLD,
     ) -> None:
-        super().__init__()
+        super().__init__(distractors=True)
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
@@ -168,7 +169,8 @@ class Lite2Tracker(SiameseTracker[_Target]):
         state = TargetState.from_reported_xywh(xywh)
         fill: Floats = view.raw.mean(axis=(0, 1))
         kernels = self._template(view, state, fill)
-        self._start(_Target(state, kernels, fill, kernels[-1], 0, DistractorTracker()))
+        distractors = DistractorTracker(self._has_distractors)
+        self._start(_Target(state, kernels, fill, kernels[-1], 0, distractors))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
@@ -186,8 +188,9 @@ class Lite2Tracker(SiameseTracker[_Target]):
         boxes[:2] += crop_offset[:, None] * zoom
         size = np.array(last.size_wh) * zoom
         candidates = target.distractors.detect(boxes[:2].T / zoom + last.center_xy, score, last)
-        allowed = np.where(candidates.is_distractor, -1.0, score)
-        best, penalty = select_candidate(boxes, allowed, size, self._window, self._parameters)
+        best, penalty = select_candidate(
+            boxes, candidates.allowed_score, size, self._window, self._parameters
+        )
         target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
         target.state = next_state(last, boxes[:, best], zoom, rate, view)
@@ -201,10 +204,14 @@ class Lite2Tracker(SiameseTracker[_Target]):
         outline = self._box_mask.outline(view, track.box, target.fill)
         return track.with_changes(corners=outline, mask=outline)
 
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
+        return flattened(self._target.kernels)
+
     def _move_to(self, xywh: XYWH) -> None:
         target = self._target
         target.state = TargetState.from_reported_xywh(xywh)
-        target.distractors = DistractorTracker()
+        target.distractors = DistractorTracker(self._has_distractors)
         target.recent, target.recent_age = target.kernels[-1], 0
 
     def _template(self, view: FrameView, state: TargetState, fill: Floats) -> list[Tensor]:

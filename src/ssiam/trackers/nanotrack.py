@@ -18,6 +18,7 @@ from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
+from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
@@ -27,6 +28,7 @@ from ssiam.trackers.siamese import (
     boxes_from_distances,
     cosine_window,
     crop_tensor,
+    flattened,
     foreground_probability,
     grid_points,
     min_size,
@@ -147,6 +149,7 @@ class _Target:
     feature: Floats  # of the template
     fill: Floats  # color outside of the frame, BGR
     similarity: RunningBaseline
+    distractors: DistractorTracker
 
 
 class NanoTrack(SiameseTracker[_Target]):
@@ -164,12 +167,19 @@ class NanoTrack(SiameseTracker[_Target]):
     confidence : Confidence
         Its evidence is the logit of the chosen candidate, and the drop below the baseline of the
         similarity between the candidate's features and the template's.
+    distractors : bool
+        Whether objects like the target are recognized by their positions.
     """
 
     def __init__(
-        self, networks: NanoTrackNetworks, parameters: SearchParameters, confidence: Confidence
+        self,
+        networks: NanoTrackNetworks,
+        parameters: SearchParameters,
+        confidence: Confidence,
+        *,
+        distractors: bool = False,
     ) -> None:
-        super().__init__()
+        super().__init__(distractors)
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
@@ -186,7 +196,8 @@ class NanoTrack(SiameseTracker[_Target]):
         size = np.array(state.size_wh) * TEMPLATE_SIDE / state.context_side
         feature = box_feature(kernel, _STRIDE, np.array([0, 0, *size]))
         min_wh = min_size(state.size_wh)
-        self._start(_Target(state, min_wh, kernel, feature, fill, RunningBaseline()))
+        baseline, distractors = RunningBaseline(), DistractorTracker(self._has_distractors)
+        self._start(_Target(state, min_wh, kernel, feature, fill, baseline, distractors))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
@@ -198,7 +209,12 @@ class NanoTrack(SiameseTracker[_Target]):
         score = foreground_probability(score_maps)
         boxes = boxes_from_distances(distances, self._points)
         size = np.array(last.size_wh) * zoom
-        best, penalty = select_candidate(boxes, score, size, self._window, self._parameters)
+        positions_xy = boxes[:2].T / zoom + last.center_xy
+        candidates = target.distractors.detect(positions_xy, score, last)
+        best, penalty = select_candidate(
+            boxes, candidates.allowed_score, size, self._window, self._parameters
+        )
+        target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
         target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
         background, foreground = score_maps[0].reshape(2, -1)[:, best]
@@ -211,8 +227,13 @@ class NanoTrack(SiameseTracker[_Target]):
         probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
         return Track(target.state.xywh, score=probability, evidence=evidence)
 
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
+        return flattened([self._target.kernel])
+
     def _move_to(self, xywh: XYWH) -> None:
         self._target.state = TargetState.from_reported_xywh(xywh)
+        self._target.distractors = DistractorTracker(self._has_distractors)
 
 
 def onnx_pair(weights: Path) -> tuple[Path, Path]:

@@ -33,6 +33,7 @@ from ssiam.trackers.siamfc import SiamFc, SiamFcName, SiamFcNetworks
 from ssiam.trackers.siammask import SiamMask, SiamMaskName, SiamMaskNetworks, SiamMaskParameters
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnName, SiamRpnNetworks, SiamRpnParameters
 from ssiam.trackers.stabilized import StabilizedTracker
+from ssiam.trackers.template_memory import TemplateMemoryTracker
 
 SiameseName: TypeAlias = Literal[SiamFcName, SiamRpnName, SiamMaskName]
 TrackerName: TypeAlias = Literal[LiteName, OpenCvName, NanoTrackName, SiameseName]
@@ -54,6 +55,8 @@ def load_tracker(
     threads: int = 1,
     precision: Precision = "f32",
     device: DeviceName | None = None,
+    template_memory: bool = False,
+    distractors: bool | None = None,
 ) -> StabilizedTracker:
     """Load a tracker that runs on stabilized frames.
 
@@ -78,6 +81,12 @@ def load_tracker(
     device : {"cpu", "cuda", "tensorrt", "coreml", "mps"}, optional
         The CPU by default, and always for openvino. onnxruntime also has "cuda", "tensorrt" and
         "coreml"; torch has "cuda" and "mps".
+    template_memory : bool
+        Whether the tracker takes further templates of its target, after THOR
+        (`ssiam.trackers.template_memory`). Not for csrt and mil.
+    distractors : bool, optional
+        Whether the tracker recognizes objects like its target by their positions
+        (`ssiam.trackers.distractors`); by default only lite. Not for csrt, kcf and mil.
 
     Returns
     -------
@@ -87,8 +96,8 @@ def load_tracker(
     Raises
     ------
     ValueError
-        The tracker, stabilization or runtime is unknown, or the runtime does not support the
-        precision or device.
+        The tracker, stabilization or runtime is unknown, the runtime does not support the
+        precision or device, or the tracker does not support the memory or distractors.
     WeightsError
         The weights are missing, damaged or of another network.
     MissingExtraError
@@ -105,27 +114,37 @@ def load_tracker(
     options = RuntimeOptions(runtime, threads, precision, device)
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
-    return StabilizedTracker(_view_tracker(name, path, options), config)
+    if distractors is None:
+        distractors = recognizes_distractors(name)
+    tracker = _view_tracker(name, path, options, distractors)
+    if template_memory and not tracker.can_seek:
+        raise ArgumentError(f"tracker {name} cannot search around a given box: it has no memory")
+    return StabilizedTracker(TemplateMemoryTracker(tracker) if template_memory else tracker, config)
 
 
-def _view_tracker(name: TrackerName, weights: Path | None, options: RuntimeOptions) -> ViewTracker:
+def _view_tracker(
+    name: TrackerName, weights: Path | None, options: RuntimeOptions, distractors: bool
+) -> ViewTracker:
     if name == "csrt" or name == "kcf" or name == "mil":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
         if options.precision != "f32" or options.resolved_device != "cpu":
             raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
+        if distractors:
+            raise ArgumentError(f"tracker {name} has no score map: leave distractors out")
         return OpenCvTracker(name)
     if name == "lite":
-        return LiteTracker(LiteNetworks.load(weights or SHIPPED, options))
+        lite = LiteNetworks.load(weights or SHIPPED, options)
+        return LiteTracker(lite, distractors=distractors)
     path = _required_weights(name, weights)
     if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
         networks = NanoTrackNetworks.load(name, path, options)
-        return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name])
-    return load_siamese_tracker(name, path, options)
+        return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name], distractors=distractors)
+    return load_siamese_tracker(name, path, options, distractors=distractors)
 
 
 def load_siamese_tracker(
-    name: SiameseName, weights: Path, options: RuntimeOptions
+    name: SiameseName, weights: Path, options: RuntimeOptions, *, distractors: bool = False
 ) -> SiamFc | SiamRpn | SiamMask:
     """Load one of the paper's trackers, without stabilization.
 
@@ -137,17 +156,20 @@ def load_siamese_tracker(
         The authors' .pth file, or a folder of exported .onnx files. See
         `ssiam.runtime.loading.load_pieces`, also for the errors.
     options : RuntimeOptions
+    distractors : bool
+        Whether the tracker recognizes objects like its target by their positions.
     """
     from ssiam.runtime.loading import load_pieces
 
     pieces = load_pieces(weights, MODEL_ZOO[name].network, options)
     template, search = pieces["template"], pieces["search"]
     if name == "siamfc":
-        return SiamFc(SiamFcNetworks(template, search))
+        return SiamFc(SiamFcNetworks(template, search), distractors=distractors)
     parameters = _ANCHOR_PARAMETERS[name]
     if isinstance(parameters, SiamMaskParameters):
-        return SiamMask(SiamMaskNetworks(template, search, pieces["refine"]), parameters)
-    return SiamRpn(SiamRpnNetworks(template, search), parameters)
+        masks = SiamMaskNetworks(template, search, pieces["refine"])
+        return SiamMask(masks, parameters, distractors=distractors)
+    return SiamRpn(SiamRpnNetworks(template, search), parameters, distractors=distractors)
 
 
 def _required_weights(name: str, weights: Path | None) -> Path:
@@ -162,6 +184,11 @@ def _required_weights(name: str, weights: Path | None) -> Path:
             "or give their path (--weights PATH, weights=PATH)"
         )
     return imported
+
+
+def recognizes_distractors(name: str) -> bool:
+    """Whether a tracker recognizes distractors by default."""
+    return name == "lite"
 
 
 def has_networks(name: str) -> bool:

@@ -7,6 +7,7 @@ asymmetry of half a pixel between the given box and the reported one.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
@@ -93,13 +94,20 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
 
     A subclass stores the state of its target in one object, which `init` passes to `_start`.
     All other attributes are set by the constructor and do not change; clones share them.
+
+    Parameters
+    ----------
+    distractors : bool
+        Whether objects like the target are recognized by their positions
+        (`ssiam.trackers.distractors`).
     """
 
     can_seek: Final = True
     reseek_below: Final = 0.0
     center_inset = 1.0
 
-    def __init__(self) -> None:
+    def __init__(self, distractors: bool = False) -> None:
+        self._has_distractors = distractors
         self._target_or_none: TargetT | None = None
 
     @abstractmethod
@@ -109,6 +117,10 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
     @abstractmethod
     def track(self, view: FrameView) -> Track:
         """The target in the next view."""
+
+    @abstractmethod
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
 
     @abstractmethod
     def _move_to(self, xywh: XYWH) -> None:
@@ -233,6 +245,11 @@ def min_size_iou(
 def crop_tensor(crop: Image) -> Tensor:
     """A crop (side, side, 3) uint8 as a network input: (1, 3, side, side) float32 in 0..255."""
     return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)
+
+
+def flattened(features: Sequence[Tensor]) -> Floats:
+    """All numbers of a network's outputs in one vector, float64."""
+    return np.concatenate([each.ravel() for each in features]).astype(np.float64)
 
 
 def foreground_probability(score_maps: Tensor) -> Floats:

@@ -17,8 +17,19 @@ from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.distractors import DistractorTracker, Flags, ScoredCandidates
 from ssiam.trackers.reference_crops import siamfc_crop
-from ssiam.trackers.siamese import CONTEXT, TEMPLATE_SIDE, Floats, SiameseTracker, crop_tensor
+from ssiam.trackers.siamese import (
+    CONTEXT,
+    TEMPLATE_SIDE,
+    Floats,
+    SiameseTracker,
+    TargetState,
+    crop_tensor,
+    flattened,
+    grid_points,
+    sigmoid,
+)
 
 SiamFcName: TypeAlias = Literal["siamfc"]
 Singles = NDArray[np.float32]
@@ -26,7 +37,8 @@ Singles = NDArray[np.float32]
 _SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px of the search crop between cells of the response map
 _UPSAMPLING: Final = 16  # cells of the upsampled response map per cell, along one axis
-_FINE_SIDE: Final = 17 * _UPSAMPLING  # cells along the side of the upsampled response map
+_SIDE: Final = 17  # cells along the side of the response map
+_FINE_SIDE: Final = _SIDE * _UPSAMPLING  # the same for the upsampled response map
 _MIN_SIDE: Final = 2.0  # px, minimum of the target's shorter side
 
 
@@ -75,6 +87,7 @@ class _Target:
     center: Singles  # (2,) stabilized pixels
     size: Singles  # (2,) width and height
     search_side: float  # side of the search region at the middle scale, stabilized pixels
+    distractors: DistractorTracker
 
     @property
     def xywh(self) -> XYWH:
@@ -94,12 +107,18 @@ class SiamFc(SiameseTracker[_Target]):
     ----------
     networks : SiamFcNetworks
     parameters : SiamFcParameters, optional
+    distractors : bool
+        Whether objects like the target are recognized by their positions.
     """
 
     def __init__(
-        self, networks: SiamFcNetworks, parameters: SiamFcParameters | None = None
+        self,
+        networks: SiamFcNetworks,
+        parameters: SiamFcParameters | None = None,
+        *,
+        distractors: bool = False,
     ) -> None:
-        super().__init__()
+        super().__init__(distractors)
         self._networks = networks
         self._parameters = parameters or SiamFcParameters()
         self._factors: Floats = self._parameters.scale_step ** np.array([-1.0, 0.0, 1.0])
@@ -108,6 +127,7 @@ class SiamFc(SiameseTracker[_Target]):
         hanning = np.hanning(_FINE_SIDE)
         window = np.outer(hanning, hanning)
         self._window: Floats = window / window.sum()
+        self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
@@ -115,7 +135,8 @@ class SiamFc(SiameseTracker[_Target]):
         fill: Floats = view.raw.mean(axis=(0, 1))[::-1]
         crop = siamfc_crop(view, center, float(_template_side(size)), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
-        self._start(_Target(kernel, fill, center, size, search_side))
+        distractors = DistractorTracker(self._has_distractors)
+        self._start(_Target(kernel, fill, center, size, search_side, distractors))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view.
@@ -124,31 +145,43 @@ class SiamFc(SiameseTracker[_Target]):
         logistic loss of the network.
         """
         target = self._target
-        fine = self._responses(view, target)
+        responses = self._responses(view, target)
+        candidates = self._candidates(responses, target)
+        fine = _upsampled(responses, candidates.is_distractor)
         scale = int(np.argmax((fine * self._penalties).max(axis=(1, 2))))
         row, column = self._peak(fine[scale] * self._penalties[scale])
+        cell = (row // _UPSAMPLING) * _SIDE + column // _UPSAMPLING
+        target.distractors.update(candidates, cell)
         score = float((1 + np.tanh(float(fine[scale, row, column]) / 2)) / 2)
         factor = float(self._factors[scale])
         _move(target, np.array([column, row]), factor)
         self._resize(target, factor, view.size_wh)
         return Track(target.xywh, score=score)
 
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
+        return flattened([self._target.kernel])
+
     def _move_to(self, xywh: XYWH) -> None:
         target = self._target
         target.center, target.size, target.search_side = _geometry(xywh)
+        target.distractors = DistractorTracker(self._has_distractors)
 
     def _responses(self, view: FrameView, target: _Target) -> Tensor:
-        """Upsampled responses (3, 272, 272) around the last position, at the three scales."""
+        """Responses (3, 17, 17) around the last position, at the three scales."""
         crops = [
             crop_tensor(siamfc_crop(view, target.center, side, _SEARCH_SIDE, target.fill))
             for side in target.search_side * self._factors
         ]
         (responses,) = self._networks.search(np.concatenate(crops), target.kernel)
-        fine = [
-            cv2.resize(each, (_FINE_SIDE, _FINE_SIDE), interpolation=cv2.INTER_CUBIC)
-            for each in responses[:, 0]
-        ]
-        return np.asarray(fine, dtype=np.float32)
+        return responses[:, 0]
+
+    def _candidates(self, responses: Tensor, target: _Target) -> ScoredCandidates:
+        """The cells of the response map at the middle scale, with their distractors."""
+        (cx, cy), (w, h) = target.center.tolist(), target.size.tolist()
+        positions_xy = self._points.T * target.search_side / _SEARCH_SIDE + (cx, cy)
+        last = TargetState((cx, cy), (w, h))
+        return target.distractors.detect(positions_xy, sigmoid(responses[1]), last)
 
     def _peak(self, response: Tensor) -> tuple[int, int]:
         """Row and column of the maximum of an upsampled response, with the cosine window."""
@@ -169,6 +202,22 @@ class SiamFc(SiameseTracker[_Target]):
         if not too_small and not too_large:
             target.size = size.astype(np.float32)
             target.search_side *= scale
+
+
+def _upsampled(responses: Tensor, is_distractor: Flags) -> Tensor:
+    """Responses (3, 17, 17) -> (3, 272, 272), with the minimum in the cells of a distractor."""
+    fine = np.asarray(
+        [
+            cv2.resize(each, (_FINE_SIDE, _FINE_SIDE), interpolation=cv2.INTER_CUBIC)
+            for each in responses
+        ],
+        dtype=np.float32,
+    )
+    if is_distractor.any():
+        cells = is_distractor.reshape(_SIDE, _SIDE)
+        excluded = cells.repeat(_UPSAMPLING, axis=0).repeat(_UPSAMPLING, axis=1)
+        fine[:, excluded] = fine.min()
+    return fine
 
 
 def _geometry(xywh: XYWH) -> tuple[Singles, Singles, float]:

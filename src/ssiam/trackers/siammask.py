@@ -104,13 +104,21 @@ class SiamMask(SiamRpn):
     ----------
     networks : SiamMaskNetworks
     parameters : SiamMaskParameters
+    distractors : bool
+        Whether objects like the target are recognized by their positions.
     """
 
     _networks: SiamMaskNetworks
     _parameters: SiamMaskParameters
 
-    def __init__(self, networks: SiamMaskNetworks, parameters: SiamMaskParameters) -> None:
-        super().__init__(networks, parameters)
+    def __init__(
+        self,
+        networks: SiamMaskNetworks,
+        parameters: SiamMaskParameters,
+        *,
+        distractors: bool = False,
+    ) -> None:
+        super().__init__(networks, parameters, distractors=distractors)
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""

@@ -16,6 +16,7 @@ from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.anchors import ANCHORS, anchor_boxes, cell_of, decode, response_side
+from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.reference_crops import Crop, pysot_crop, siammask_crop
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
@@ -26,6 +27,7 @@ from ssiam.trackers.siamese import (
     clamped_state,
     cosine_window,
     crop_tensor,
+    flattened,
     foreground_probability,
     min_size_iou,
     select_candidate,
@@ -126,6 +128,7 @@ class AnchorTarget:
     state: TargetState
     kernels: list[Tensor]
     fill: Floats  # color outside of the frame, BGR
+    distractors: DistractorTracker
 
 
 class SiamRpn(SiameseTracker[AnchorTarget]):
@@ -137,10 +140,18 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
     ----------
     networks : SiamRpnNetworks
     parameters : SiamRpnParameters
+    distractors : bool
+        Whether objects like the target are recognized by their positions.
     """
 
-    def __init__(self, networks: SiamRpnNetworks, parameters: SiamRpnParameters) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        networks: SiamRpnNetworks,
+        parameters: SiamRpnParameters,
+        *,
+        distractors: bool = False,
+    ) -> None:
+        super().__init__(distractors)
         self._networks = networks
         self._parameters = parameters
         pysot = parameters.variant == "pysot"
@@ -158,7 +169,7 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         fill: Floats = view.raw.mean(axis=(0, 1))
         crop = self._crop(view, state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         kernels = self._networks.template(crop_tensor(crop))
-        self._start(AnchorTarget(state, kernels, fill))
+        self._start(AnchorTarget(state, kernels, fill, DistractorTracker(self._has_distractors)))
 
     def track(self, view: FrameView) -> Track:
         """The target in the next view; its score is the chosen candidate's softmax.
@@ -170,8 +181,13 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         state = self._target.state = clamped_state(found.state, view)
         return Track(state.xywh, score=found.score * min_size_iou(state, found.size_wh))
 
+    def template_feature(self) -> Floats:
+        """The network's features of the template, (n,) float64."""
+        return flattened(self._target.kernels)
+
     def _move_to(self, xywh: XYWH) -> None:
         self._target.state = TargetState.from_reported_xywh(xywh)
+        self._target.distractors = DistractorTracker(self._has_distractors)
 
     def _best_candidate(self, view: FrameView) -> Candidate:
         """The best candidate in the search region around the last state."""
@@ -184,7 +200,12 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         score = foreground_probability(scores)
         boxes = decode(regression, self._anchors)
         size = np.array(state.size_wh) * zoom
-        best, penalty = select_candidate(boxes, score, size, self._window, parameters)
+        positions_xy = boxes[:2].T / zoom + state.center_xy
+        candidates = target.distractors.detect(positions_xy, score, state, ANCHORS)
+        best, penalty = select_candidate(
+            boxes, candidates.allowed_score, size, self._window, parameters
+        )
+        target.distractors.update(candidates, best)
         rate = penalty * score[best] * parameters.lr
         return Candidate(
             updated_state(state, boxes[:, best], zoom, rate),

@@ -274,7 +274,8 @@ def _first_box(box: Sequence[float], size_wh: tuple[int, int], tracker: ViewTrac
 def _new_camera(config: StabilizerConfig) -> PrefetchingCameraMotion | None:
     if config.stabilize == "off":
         return None
-    return PrefetchingCameraMotion(CameraMotion(config.keypoints, config.fit, model="rigid"))
+    camera = CameraMotion(config.keypoints, config.fit, model="rigid", spread=config.spread)
+    return PrefetchingCameraMotion(camera)
 
 
 def _raw_view(frame: Image, config: StabilizerConfig) -> FrameView:

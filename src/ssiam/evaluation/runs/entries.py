@@ -16,10 +16,19 @@ from ssiam.trackers import (
     TrackerName,
     has_networks,
     load_tracker,
+    recognizes_distractors,
 )
 
 DEFAULT_OPTIONS: Final = RuntimeOptions()
-VARIANT_KEYS: Final = ("runtime", "device", "precision", "threads", "weights")
+VARIANT_KEYS: Final = (
+    "runtime",
+    "device",
+    "precision",
+    "threads",
+    "template_memory",
+    "distractors",
+    "weights",
+)
 """Names in a label that belong to the run and not to the stabilizer's configuration."""
 
 
@@ -34,17 +43,26 @@ class Entry:
     weights : Path, optional
     options : RuntimeOptions
         How the networks run, and the CPU threads of the run.
+    template_memory : bool
+    distractors : bool, optional
+        As for `load_tracker`.
     """
 
     tracker: TrackerName
     config: StabilizerConfig
     weights: Path | None = None
     options: RuntimeOptions = DEFAULT_OPTIONS
+    template_memory: bool = False
+    distractors: bool | None = None
 
     @property
     def label(self) -> str:
         """Name of the results folder: tracker, method, and every non-default setting."""
         changed = {**self.config.changed_options(), **changed_runtime(self.options)}
+        if self.template_memory:
+            changed["template_memory"] = True
+        if self.distractors not in (None, recognizes_distractors(self.tracker)):
+            changed["distractors"] = self.distractors
         settings = [f"{name}={value}" for name, value in changed.items()]
         return "-".join([self.tracker, self.config.stabilize, *settings])
 
@@ -58,6 +76,8 @@ class Entry:
             threads=self.options.threads,
             precision=self.options.precision,
             device=self.options.device,
+            template_memory=self.template_memory,
+            distractors=self.distractors,
         )
 
 
@@ -87,10 +107,14 @@ def entries(
     methods: Sequence[Method],
     weights: Mapping[str, Path],
     options: RuntimeOptions = DEFAULT_OPTIONS,
+    *,
+    template_memory: bool = False,
+    distractors: bool | None = None,
 ) -> list[Entry]:
     """Every tracker with every method; `weights` maps tracker names to files or folders.
 
-    Of `options`, only the threads apply to trackers without networks.
+    Of `options`, only the threads apply to trackers without networks; `template_memory` and
+    `distractors` do not apply to them.
 
     Raises
     ------
@@ -103,6 +127,8 @@ def entries(
             StabilizerConfig(method),
             weights.get(name),
             options_for(name, options),
+            template_memory and has_networks(name),
+            distractors if has_networks(name) else None,
         )
         for name in trackers
         for method in methods
