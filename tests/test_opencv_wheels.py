@@ -4,7 +4,11 @@ import os
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
+
+import ssiam
 
 HEADLESS = "opencv_contrib_python_headless"
 
@@ -40,3 +44,12 @@ def test_one_is_not_worth_a_line(tmp_path):
 @pytest.mark.parametrize("options", [["-W", "ignore"], ["-W", "ignore:several"]])
 def test_the_warning_can_be_silenced(tmp_path, options):
     assert imported(tmp_path, "opencv_python", HEADLESS, options=options) == ""
+
+
+@pytest.mark.parametrize("name", ["csrt", "kcf"])
+def test_an_opencv_without_the_contributed_trackers_is_named(monkeypatch, name):
+    monkeypatch.delattr(cv2, f"Tracker{name.upper()}")
+    tracker = ssiam.load_tracker(name)
+    image = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
+    with pytest.raises(ssiam.MissingExtraError, match=rf"has no {name}: .*force-reinstall"):
+        tracker.init(image, (40, 30, 40, 40))
