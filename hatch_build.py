@@ -10,6 +10,7 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 _IMAGE = re.compile(r"^!\[[^\]]*\]\((?!https?:)[^)]*\)\n+", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]+)\]\((?!https?:)([^)#]*)[^)]*\)")
+_HERE = re.compile(r"(?<=pip install )('?)\.(?=\s|\[)")  # the checkout
 _NOTE = "Paths in parentheses are files of the source distribution.\n"
 
 
@@ -23,7 +24,11 @@ class IndexReadme(MetadataHookInterface):
 
 
 def index_text(readme: str) -> str:
-    """The README without relative images, and with the paths of relative links as text."""
+    """The README without relative images, with the paths of relative links as text.
+
+    The package is installed by its name.
+    """
+    readme = _HERE.sub(r"\1ssiam", readme)
     title, _, rest = _IMAGE.sub("", readme).partition("\n")
     return f"{title}\n\n{_NOTE}{_LINK.sub(_as_text, rest)}"
 

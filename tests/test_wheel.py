@@ -107,7 +107,9 @@ def test_the_description_needs_no_other_file(installed):
     text = metadata.get_payload()
     for target in re.findall(r"\]\(([^)]*)\)", text):
         assert re.match(r"https?://", target), target
-    assert "pip install" in text
+    assert "\npip install ssiam\n" in text
+    assert "\npip install 'ssiam[web]'" in text
+    assert "pip install ." not in text
 
 
 def test_all_versions_are_the_same(installed):
