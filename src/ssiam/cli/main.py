@@ -58,6 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminate)
     words = join_box_words(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--version"]:  # cyclopts prints it too, but imports rich for it
+        print(__version__)
+        return SUCCESS
     if not words or words[0] in app.help_flags:
         app.resolved_commands()  # the overview shows the first line of each command's help
     try:
