@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import ssiam
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -22,6 +24,37 @@ def test_importing_ssiam_loads_no_heavy_packages():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]"
+
+
+def imported_by(code):
+    """Names of the modules that a Python process has imported after running `code`."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+def test_the_version_is_printed_without_importing_the_rest():
+    found = imported_by("from ssiam.cli import main; main(['--version'])")
+    assert {ssiam.__version__, "ssiam.cli.main"} < found
+    assert not {"numpy", "cv2", "av", "openvino", "rich.markdown"} & found
+    commands = {name for name in found if name.startswith("ssiam.cli.")}
+    assert commands == {"ssiam.cli.main", "ssiam.cli.box_words"}
+
+
+def test_names_and_subpackages_are_imported_when_they_are_used():
+    found = {name for name in imported_by("import ssiam") if name.startswith("ssiam")}
+    assert found == {"ssiam", "ssiam.opencv_wheels"}
+    for name in ("video.open_source", "exchange.RerunLog", "datasets.Shake", "web.Session"):
+        assert f"ssiam.{name.split('.')[0]}" in imported_by(f"import ssiam; ssiam.{name}")
+    assert "ssiam.trackers" in imported_by("from ssiam import *; load_tracker")
+    assert set(ssiam.__all__) <= set(dir(ssiam))
+    assert all(hasattr(ssiam, name) for name in dir(ssiam))
+    assert not hasattr(ssiam, "no_such_name")
 
 
 def test_torch_is_an_optional_dependency():

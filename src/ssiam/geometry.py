@@ -268,6 +268,11 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     return width, height
 
 
+def png_bytes(image: Image) -> bytes:
+    """A BGR image as the content of a PNG file."""
+    return cv2.imencode(".png", image)[1].tobytes()
+
+
 def short_repr(value: Any) -> str:
     """The repr of a value in one line, cut after 80 characters."""
     text = " ".join(repr(value).split())

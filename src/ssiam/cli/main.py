@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Group
 
+from ssiam import __version__
 from ssiam.cli.box_words import join_box_words
 from ssiam.errors import IncompleteError, SsiamError, StreamError
 
@@ -19,6 +20,7 @@ INTERRUPTED = 128 + signal.SIGINT
 
 app = App(
     name="ssiam",
+    version=__version__,
     help="Track a chosen object in video from a shaking, moving camera.",
     help_format="markdown",
     help_epilogue="Exit codes: 0 success; 2 wrong usage or input; 3 incomplete: the stream broke "
@@ -56,7 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminate)
     words = join_box_words(sys.argv[1:] if arguments is None else arguments)
-    if not words or words[0].startswith("-"):
+    if words == ["--version"]:  # cyclopts prints it too, but imports rich for it
+        print(__version__)
+        return SUCCESS
+    if not words or words[0] in app.help_flags:
         app.resolved_commands()  # the overview shows the first line of each command's help
     try:
         app(words)

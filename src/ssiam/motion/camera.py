@@ -93,6 +93,10 @@ class CameraMotion(DeepCopied):
         self._content: ContentDetector | None = None
         self._estimator: _Estimator | None = None
 
+    def __repr__(self) -> str:
+        fit = "" if self._keypoints == "direct" else f", fit={self._fit!r}"
+        return f"CameraMotion({self._keypoints!r}{fit}, model={self._model!r})"
+
     def update(
         self,
         frame: Image,

@@ -26,7 +26,7 @@ _MAX_ANGLE: Final = 0.35  # rad between two frames
 _MIN_DETERMINANT: Final = 1e-9  # of an invertible transform
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motion:
     """Camera motion from the previous frame to this one.
 
@@ -166,6 +166,11 @@ class Motion:
         dx, dy, angle = self.shift_angle
         is_near = math.hypot(dx, dy) <= _MAX_SHIFT * max(self.size_wh)
         return is_near and abs(angle) <= _MAX_ANGLE
+
+    def __repr__(self) -> str:
+        dx, dy, angle = self.shift_angle
+        unreliable = "" if self.reliable else ", reliable=False"
+        return f"Motion(dx={dx:.1f}, dy={dy:.1f}, angle={angle:.4f}{unreliable})"
 
 
 def as_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:

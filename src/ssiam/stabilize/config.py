@@ -179,7 +179,7 @@ _PARTS: Final[dict[str, type[PaperConfig] | type[PredictConfig]]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StabilizerConfig:
     """How frames are stabilized.
 
@@ -234,6 +234,10 @@ class StabilizerConfig:
         _check_type(self, "spread", bool, "True or False")
         for name, part in _PARTS.items():
             _check_type(self, name, part, f"a {part.__name__}")
+
+    def __repr__(self) -> str:
+        changed = ", ".join(f"{name}={value!r}" for name, value in self.changed_options().items())
+        return f"StabilizerConfig({self.stabilize!r})" + f".with_options({changed})" * bool(changed)
 
     @property
     def border(self) -> int:

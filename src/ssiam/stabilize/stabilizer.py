@@ -40,6 +40,9 @@ class Stabilizer(DeepCopied):
         self._last = (0.0, 0.0, 0.0)  # dx', dy', da' of the previous frame
         self._stab_from_raw: Transform = IDENTITY
 
+    def __repr__(self) -> str:
+        return f"Stabilizer({self._config!r})"
+
     def update(self, motion: Motion) -> Transform:
         """M_t of eq. 7, (3, 3) float64: maps raw-frame pixels to stabilized pixels.
 

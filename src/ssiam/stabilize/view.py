@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, png_bytes
 
 Color = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrameView:
     """A stabilized frame; only the requested part is computed.
 
@@ -37,6 +37,14 @@ class FrameView:
     raw: Image
     stab_from_raw: Transform = field(default_factory=lambda: IDENTITY)
     border: int = 0
+
+    def __repr__(self) -> str:
+        width, height = self.size_wh
+        return f"FrameView({width}x{height}, border={self.border}, is_raw={self.is_raw})"
+
+    def _repr_png_(self) -> bytes:
+        """The stabilized frame, as notebooks show it."""
+        return png_bytes(self.render())
 
     @property
     def size_wh(self) -> tuple[int, int]:

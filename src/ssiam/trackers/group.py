@@ -61,6 +61,9 @@ class TrackerGroup(NotPicklable):
         self.failures: Mapping[int, Exception] = {}
         self.camera_failure: Exception | None = None
 
+    def __repr__(self) -> str:
+        return f"TrackerGroup({self._prototype!r}, targets={len(self._trackers)})"
+
     def init(self, frame: Image, boxes: Sequence[Sequence[float]]) -> None:
         """Take the objects in `boxes` of `frame` as the targets; earlier targets are dropped.
 

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, TypeAlias
 import cv2
 
 from ssiam.copying import DeepCopied
-from ssiam.errors import ArgumentError, CopyError, TrackingError, one_line
+from ssiam.errors import ArgumentError, CopyError, MissingExtraError, TrackingError, one_line
 from ssiam.geometry import XYWH, Image
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
@@ -151,7 +151,7 @@ class OpenCvTracker(DeepCopied):
         image = view.render()
         x, y, w, h = xywh
         box = pixel_box((x + view.border, y + view.border, w, h), (image.shape[1], image.shape[0]))
-        tracker = _CREATE[self._name]()
+        tracker = _new_tracker(self._name)
         try:
             tracker.init(image, box)
         except cv2.error as error:
@@ -261,8 +261,17 @@ def _seeded_rand() -> Iterator[None]:
         library.setstate(before)
 
 
-_CREATE: Final[dict[OpenCvName, Any]] = {
-    "csrt": cv2.TrackerCSRT.create,
-    "kcf": cv2.TrackerKCF.create,
-    "mil": DeterministicMil,
-}
+_CLASSES: Final[dict[OpenCvName, str]] = {"csrt": "TrackerCSRT", "kcf": "TrackerKCF"}
+
+
+def _new_tracker(name: OpenCvName) -> Any:
+    if name == "mil":
+        return DeterministicMil()
+    try:
+        return getattr(cv2, _CLASSES[name]).create()
+    except AttributeError as error:
+        raise MissingExtraError(
+            f"this OpenCV {cv2.__version__} has no {name}: another OpenCV package has overwritten "
+            "that of ssiam; pip install --force-reinstall opencv-contrib-python-headless "
+            "(docs/how-to/install.md)"
+        ) from error

@@ -74,6 +74,10 @@ class StabilizedTracker(NotPicklable):
         self._config = config
         self._target: _Target | None = None
 
+    def __repr__(self) -> str:
+        target = "" if self._target is None else ", has_target=True"
+        return f"StabilizedTracker({type(self._tracker).__name__}, {self._config!r}{target})"
+
     @property
     def config(self) -> StabilizerConfig:
         """How the frames are stabilized."""

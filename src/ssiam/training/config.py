@@ -17,6 +17,7 @@ __all__ = ["from_table", "read_config"]
 
 Settings = TypeVar("Settings")
 
+_SHIPPED: Final = Path(__file__).parents[1] / "configs"  # in the wheel; in a checkout, configs/
 _TYPE_NAMES: Final = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
 
 
@@ -36,7 +37,9 @@ def read_config(path: Path) -> TrainSettings:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not a text file"
-        raise SourceError(f"config {path} cannot be read: {reason}") from error
+        shipped = _SHIPPED / path.name
+        hint = f"; {shipped} is one to copy" if shipped.exists() else ""
+        raise SourceError(f"config {path} cannot be read: {reason}{hint}") from error
     try:
         return from_table(TrainSettings, _parse(text))
     except ArgumentError as error:

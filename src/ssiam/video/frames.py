@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import FrameSizeError, SourceError
-from ssiam.geometry import Image
+from ssiam.geometry import Image, png_bytes
+from ssiam.track import Track
+from ssiam.video.drawing import draw_tracks
 
 if TYPE_CHECKING:
     from ssiam.video.sound import Sound
@@ -27,9 +29,9 @@ DecodedImage: TypeAlias = tuple[float | None, NDArray[Any]]
 DecodedImages: TypeAlias = Generator[DecodedImage, None, None]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
-    """One image of a source.
+    """One image of a source; notebooks show it.
 
     Threads: a value; any number of threads may share it.
 
@@ -47,6 +49,18 @@ class Frame:
     index: int
     time: float | None
     image: Image
+
+    def drawn(self, *tracks: Track) -> Frame:
+        """The frame with the tracks drawn into a copy of its image, as by `draw_tracks`."""
+        return replace(self, image=draw_tracks(self.image, tracks))
+
+    def __repr__(self) -> str:
+        (height, width), time = self.image.shape[:2], self.time
+        return f"Frame({self.index}, {'' if time is None else f'{time:.3f} s, '}{width}x{height})"
+
+    def _repr_png_(self) -> bytes:
+        """The image, as notebooks show it."""
+        return png_bytes(self.image)
 
 
 @dataclass
@@ -133,6 +147,11 @@ class Source(NotCopyable):
         self.size_wh = _size_wh(first[1])
         self._images = images
         self._frames = self._numbered(first)
+
+    def __repr__(self) -> str:
+        width, height = self.size_wh
+        length = "" if self.length is None else f", {self.length} frames"
+        return f"Source({self.name!r}, {width}x{height}, {float(self.fps):.2f} fps{length})"
 
     def __iter__(self) -> Iterator[Frame]:
         return self

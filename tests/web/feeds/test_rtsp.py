@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
-import socket
-import subprocess
 import threading
 import time
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
+from helpers.rtsp import TIMEOUT, RtspServer, missing_rtsp, wait_for
 from helpers.video_clips import number_in, numbered_image
 from ssiam.video import VideoSink
 from ssiam.web.feeds.opening import open_feed
 
-SYSTEM_PYTHON = "/usr/bin/python3"
-SERVER = Path(__file__).parents[2] / "helpers" / "rtsp_server.py"
-# Debian's packages; gstreamer1.0-plugins-good is a dependency.
-PACKAGES = "gir1.2-gst-rtsp-server-1.0 python3-gi"
-PROBE = (
-    "import gi; gi.require_version('GstRtspServer', '1.0');"
-    "from gi.repository import Gst, GstRtspServer; Gst.init(None);"
-    "assert all(map(Gst.ElementFactory.find, ('qtdemux', 'appsrc', 'rtph264pay', 'rtpbin')))"
-)
-TIMEOUT = 20.0
 # Seconds within which frames must arrive after the server is back.
 RECONNECT_LIMIT = 3.0
 # Seconds within which a silent server must be detected.
@@ -36,9 +22,8 @@ SILENCE_LIMIT = 8.0
 
 @pytest.fixture(scope="module", autouse=True)
 def _server_can_run():
-    found = shutil.which(SYSTEM_PYTHON) is not None
-    if not found or subprocess.run([SYSTEM_PYTHON, "-c", PROBE], capture_output=True).returncode:
-        pytest.skip(f"no GStreamer RTSP server here: apt install {PACKAGES}")
+    if reason := missing_rtsp():
+        pytest.skip(reason)
 
 
 @pytest.fixture(scope="module")
@@ -53,51 +38,6 @@ def clip(tmp_path_factory):
         return path
 
     return make
-
-
-class Server:
-    """The server's process, always on the same port; a context manager."""
-
-    def __init__(self):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
-        self.address = f"rtsp://user:secret@127.0.0.1:{self.port}/clip"
-        self._process = None
-
-    def start(self, clip):
-        command = [SYSTEM_PYTHON, SERVER, str(self.port), clip]
-        self._process = subprocess.Popen(command)
-        wait_for(self._answers)
-        return self
-
-    def signal(self, number):
-        os.kill(self._process.pid, number)
-
-    def kill(self):
-        self._process.kill()
-        self._process.wait()
-
-    def _answers(self):
-        assert self._process.poll() is None, "the server has ended"
-        try:
-            socket.create_connection(("127.0.0.1", self.port)).close()
-        except ConnectionRefusedError:
-            return False
-        return True
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exc):
-        self.kill()
-
-
-def wait_for(condition):
-    end = time.monotonic() + TIMEOUT
-    while not condition():
-        assert time.monotonic() < end, "timed out"
-        time.sleep(0.01)
 
 
 def play(server, notes):
@@ -121,7 +61,7 @@ def check_order(arrivals):
 )
 def test_a_server_that_is_killed_is_reconnected(clip, size, change):
     notes = []
-    with Server().start(clip(320, 240)) as server:
+    with RtspServer().start(clip(320, 240)) as server:
         feed, arrivals = play(server, notes)
         server.kill()
         wait_for(lambda: feed.state == "reconnecting")
@@ -151,7 +91,7 @@ def test_a_server_that_is_killed_is_reconnected(clip, size, change):
 
 def test_a_silent_server_is_reconnected(clip):
     notes = []
-    with Server().start(clip(320, 240)) as server:
+    with RtspServer().start(clip(320, 240)) as server:
         feed, arrivals = play(server, notes)
         server.signal(signal.SIGSTOP)
         silent = time.monotonic()
