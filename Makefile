@@ -2,22 +2,27 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# The package alone, without PyTorch and development tools.
+PLAIN_READY := .venv-demo/.ready
 
-.PHONY: install demo test lint docs toolkit clean
+.PHONY: install install-plain demo test lint docs toolkit clean
 
 install: $(READY)
 
-$(READY): pyproject.toml
+install-plain: $(PLAIN_READY)
+
+$(READY): EXTRAS := [dev]
+
+$(READY) $(PLAIN_READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 		|| { echo "ssiam needs Python 3.10 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
-	@touch $(READY)
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/python -m pip install --quiet --upgrade pip
+	$(@D)/bin/python -m pip install --quiet --editable '.$(EXTRAS)'
+	@touch $@
 
-demo: $(READY)
-	$(BIN)/python examples/demo.py
-	$(BIN)/python examples/demo.py --tracker csrt --out demo-out/csrt
+demo: $(PLAIN_READY)
+	@.venv-demo/bin/python examples/demo.py
 
 test: $(READY)
 	OMP_WAIT_POLICY=PASSIVE $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
@@ -35,4 +40,4 @@ toolkit: $(READY)
 	$(BIN)/python scripts/official_toolkit.py
 
 clean:
-	rm -rf .venv demo-out site
+	rm -rf .venv .venv-demo demo-out site

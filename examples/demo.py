@@ -1,9 +1,9 @@
-"""Track a walker through a shaking clip: tracker alone, paper's method, and predict.
+"""Track a woman through two shaking clips: the tracker alone, and with the shake predicted.
 
-    python examples/demo.py [--out FOLDER] [--tracker NAME] [--weights PATH]
+    python examples/demo.py [--out FOLDER]
 
-Writes a video for each, an image of six frames with all boxes, and plots of the camera path. Prints
-the number of frames in which each run tracked the walker, and the mean overlap.
+Prints what happened in each of them, and writes demo.mp4 (left: the tracker alone, right: the same
+tracker with ``stabilize="predict"``, the default) and demo.png (three frames of each clip).
 """
 
 from __future__ import annotations
@@ -18,115 +18,187 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ssiam
-from ssiam.geometry import iou
-from ssiam.stabilize import Method
-from ssiam.video import PathPlot, VideoSink, draw_tracks, open_source, side_by_side
+from ssiam.geometry import Image, iou
+from ssiam.video import VideoSink, open_source
 
-HERE = Path(__file__).resolve().parent
-CLIP = HERE / "shaky-walker.mp4"
-TRUTH = HERE / "shaky-walker.txt"
-COMPARED_FRAMES = (0, 15, 24, 45, 70, 110)
-TRUTH_COLOR = (255, 255, 255)  # BGR
-COLORS: dict[Method, tuple[int, int, int]] = {  # BGR, of the runs
-    "off": (60, 60, 235),
-    "paper": (230, 170, 40),
-    "predict": (90, 200, 60),
-}
+FOLDER = Path(__file__).resolve().parent / "demo"
+ON_TARGET = 0.5  # overlap from which a box counts as being on the target
+LAST_FRAMES = 10  # a target on which the box is in one of these is not lost
+
+RED, GREEN, WHITE, GRAY = (60, 60, 235), (90, 200, 60), (255, 255, 255), (40, 40, 40)  # BGR
+CAPTION = 28  # height of the line above each half of the video, pixels
+AFTER_LOSS = 4  # frames from the loss to the frame that is shown in the image
 
 
 @dataclass(frozen=True)
-class Run:
-    """One pass over the clip.
+class Clip:
+    """A clip of the demo, chosen by scripts/choose_demo.py: NAME.mp4, and boxes in NAME.txt."""
+
+    name: str
+    title: str
+
+    @property
+    def video(self) -> Path:
+        """The video file."""
+        return FOLDER / f"{self.name}.mp4"
+
+    @property
+    def boxes(self) -> Path:
+        """The file with the true box x,y,w,h of each frame."""
+        return FOLDER / f"{self.name}.txt"
+
+
+CLIPS = (
+    Clip("rough-road", "The woman in red, camera on a rough road"),
+    Clip("vibration", "The woman in red, camera on a vibrating mast"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A clip, tracked without and with stabilization.
 
     Attributes
     ----------
-    stabilize : str
-        The stabilization method.
-    boxes : (N, 4) float64
-        Tracked boxes x, y, w, h in pixels of the raw frames.
-    overlaps : (N,) float64
-        IoU of the boxes with the ground truth.
+    clip : Clip
+    fps : float
+        Frames per second of the clip.
+    images : list of (H, W, 3) uint8, BGR
+    truth, alone, stabilized : (N, 4) float64
+        Boxes x, y, w, h in pixels of the frames: true, tracked alone, tracked with stabilization.
     """
 
-    stabilize: Method
-    boxes: NDArray[np.float64]
-    overlaps: NDArray[np.float64]
+    clip: Clip
+    fps: float
+    images: list[Image]
+    truth: NDArray[np.float64]
+    alone: NDArray[np.float64]
+    stabilized: NDArray[np.float64]
+
+    @property
+    def alone_lost(self) -> int | None:
+        """Index of the frame from which the tracker alone has lost its target, or None."""
+        return lost_from(iou(self.alone, self.truth))
+
+    @property
+    def stabilized_lost(self) -> int | None:
+        """Index of the frame from which it is lost in spite of stabilization, or None."""
+        return lost_from(iou(self.stabilized, self.truth))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo; `argv` defaults to the command line's arguments."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("demo-out"), help="folder to write to")
-    parser.add_argument("--tracker", default="lite", choices=ssiam.TRACKERS)
-    parser.add_argument("--weights", type=Path, help="weights of the tracker, if it needs any")
-    arguments = parser.parse_args(argv)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    truth = np.loadtxt(TRUTH, delimiter=",")
-    runs = []
-    print(f"{arguments.tracker}:")
-    for stabilize in COLORS:
-        tracker = ssiam.load_tracker(
-            arguments.tracker, weights=arguments.weights, stabilize=stabilize
-        )
-        runs.append(track_clip(tracker, truth, arguments.out))
-        print(summarize(runs[-1]))
-    write_comparison(runs, truth, arguments.out / "comparison.png")
-    print(f"\nWritten to {arguments.out}/:")
-    print("  off.mp4, paper.mp4, predict.mp4   the tracked clip; right: the stabilized view")
-    print("  comparison.png   six frames: ground truth white, off red, paper blue, predict green")
-    print("  paper-path.png, predict-path.png   the camera path before and after stabilization")
+    out = parser.parse_args(argv).out
+    out.mkdir(parents=True, exist_ok=True)
+    alone, stabilized = ssiam.load_tracker(stabilize="off"), ssiam.load_tracker()
+    comparisons = [compare(clip, alone, stabilized) for clip in CLIPS]
+    for comparison in comparisons:
+        print(sentence(comparison))
+    write_video(comparisons, out / "demo.mp4")
+    write_image(comparisons, out / "demo.png")
+    print(f"See for yourself: {out / 'demo.mp4'} (video) and {out / 'demo.png'} (image).")
 
 
-def track_clip(tracker: ssiam.StabilizedTracker, truth: NDArray[np.float64], out: Path) -> Run:
-    """Track the walker through the clip; write the video and, if stabilized, the camera path."""
-    config = tracker.config
-    boxes = [truth[0]]
-    with (
-        open_source(CLIP) as frames,
-        VideoSink(out / f"{config.stabilize}.mp4", frames.fps) as video,
-        PathPlot(out / f"{config.stabilize}-path.png", config.paper.window) as plot,
-    ):
-        first = next(frames)
-        tracker.init(first.image, truth[0])
-        start = draw_tracks(first.image, [ssiam.Track(tuple(truth[0].tolist()))])
-        video.write(start if config.stabilize == "off" else side_by_side(start, start), first.time)
-        for frame in frames:
-            track = tracker.update(frame.image)
-            boxes.append(np.array(track.box))
-            plot.write(track)
-            image = draw_tracks(frame.image, [track])
-            if track.stab_from_raw is not None:
-                view = ssiam.FrameView(image, track.stab_from_raw, config.border)
-                image = side_by_side(image, view.render())
-            video.write(image, frame.time)
-    return Run(config.stabilize, np.array(boxes), iou(boxes, truth))
+def compare(
+    clip: Clip, alone: ssiam.StabilizedTracker, stabilized: ssiam.StabilizedTracker
+) -> Comparison:
+    """Track the target of a clip from its true box in the first frame, with both trackers."""
+    with open_source(clip.video) as source:
+        fps = float(source.fps)
+        images = [frame.image for frame in source]
+    truth = np.loadtxt(clip.boxes, delimiter=",")
+    boxes = [track(tracker, images, truth[0]) for tracker in (alone, stabilized)]
+    return Comparison(clip, fps, images, truth, *boxes)
 
 
-def summarize(run: Run) -> str:
-    """Return one line with the number of frames in which a run overlaps the walker by half."""
-    tracked = int((run.overlaps >= 0.5).sum())
-    return (
-        f"stabilize={run.stabilize:7} tracked the walker in {tracked:3d} of {len(run.overlaps)} "
-        f"frames, mean overlap {run.overlaps.mean():.2f}"
-    )
+def track(
+    tracker: ssiam.StabilizedTracker, images: Sequence[Image], box: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The box x, y, w, h in each image (N, 4), given that in the first one."""
+    tracker.init(images[0], box.tolist())
+    return np.array([box, *(tracker.update(image).box for image in images[1:])])
 
 
-def write_comparison(runs: Sequence[Run], truth: NDArray[np.float64], path: Path) -> None:
-    """Write an image of six frames with the boxes of all runs and the ground truth."""
-    panels = []
-    with open_source(CLIP) as frames:
-        for frame in frames:
-            if frame.index in COMPARED_FRAMES:
-                panel = frame.image.copy()
-                layers = [(run.boxes, COLORS[run.stabilize]) for run in runs]
-                for boxes, color in [(truth, TRUTH_COLOR), *layers]:
-                    x, y, w, h = (round(v) for v in boxes[frame.index])
-                    cv2.rectangle(panel, (x, y), (x + w, y + h), color, 2, cv2.LINE_AA)
-                label = f"frame {frame.index}"
-                cv2.putText(panel, label, (12, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.8, TRUTH_COLOR, 2)
-                panels.append(panel)
-    rows = [cv2.hconcat(panels[i : i + 2]) for i in range(0, len(panels), 2)]
-    cv2.imwrite(str(path), cv2.vconcat(rows))
+def lost_from(overlaps: NDArray[np.float64]) -> int | None:
+    """Index of the frame from which a target is lost to the end; None if it is not."""
+    after_last = int(np.flatnonzero(overlaps >= ON_TARGET).max(initial=-1)) + 1
+    return after_last if after_last <= len(overlaps) - LAST_FRAMES else None
+
+
+def sentence(comparison: Comparison) -> str:
+    """What happened to the target, in seconds of the clip."""
+    seconds = len(comparison.images) / comparison.fps
+
+    def fate(lost: int | None, keeps: str, loses: str) -> str:
+        if lost is None:
+            return f"{keeps} her to the end of {seconds:.1f} seconds"
+        return f"{loses} her after {lost / comparison.fps:.1f} seconds"
+
+    alone = fate(comparison.alone_lost, "keeps", "loses")
+    stabilized = fate(comparison.stabilized_lost, "follows", "loses")
+    return f"{comparison.clip.title}: the tracker alone {alone}; with ssiam it {stabilized}."
+
+
+def write_video(comparisons: Sequence[Comparison], path: Path) -> None:
+    """Write all clips, one after the other: left the tracker alone, right with stabilization."""
+    with VideoSink(path, comparisons[0].fps, overwrite=True) as video:
+        for each in comparisons:
+            alone_lost, stabilized_lost = each.alone_lost, each.stabilized_lost
+            for index, image in enumerate(each.images):
+                left = panel(image, each.alone[index], RED, "tracker alone", index, alone_lost)
+                right = panel(
+                    image, each.stabilized[index], GREEN, "with ssiam", index, stabilized_lost
+                )
+                video.write(np.hstack([left, right]))
+
+
+def panel(
+    image: Image,
+    box: NDArray[np.float64],
+    color: tuple[int, int, int],
+    label: str,
+    index: int,
+    lost: int | None,
+) -> Image:
+    """One half of a frame of the video: a line of text, and the frame with the box."""
+    drawn = image.copy()
+    draw_box(drawn, box, color)
+    line = np.full((CAPTION, image.shape[1], 3), GRAY, np.uint8)
+    if lost is not None and index >= lost:
+        label += ": lost"
+    write(line, label, color)
+    return np.vstack([line, drawn])
+
+
+def write_image(comparisons: Sequence[Comparison], path: Path) -> None:
+    """Write three frames of each clip, a row each: the first, one after the loss, the last."""
+    rows = []
+    for each in comparisons:
+        last = len(each.images) - 1
+        lost = each.alone_lost
+        between = last // 2 if lost is None else min(lost + AFTER_LOSS, last)
+        tiles = [each.images[index].copy() for index in (0, between, last)]
+        for tile, index in zip(tiles, (0, between, last), strict=True):
+            draw_box(tile, each.alone[index], RED)
+            draw_box(tile, each.stabilized[index], GREEN)
+            write(tile, f"{index / each.fps:.1f} s", WHITE)
+        rows.append(np.hstack(tiles))
+    legend = np.full((CAPTION, rows[0].shape[1], 3), GRAY, np.uint8)
+    write(legend, "red: tracker alone    green: with ssiam", WHITE)
+    cv2.imwrite(str(path), np.vstack([legend, *rows]))
+
+
+def draw_box(image: Image, box: NDArray[np.float64], color: tuple[int, int, int]) -> None:
+    """Draw a box x, y, w, h in pixels."""
+    x, y, w, h = (round(value) for value in box.tolist())
+    cv2.rectangle(image, (x, y), (x + w, y + h), color, 2, cv2.LINE_AA)
+
+
+def write(image: Image, text: str, color: tuple[int, int, int]) -> None:
+    """Write a line of text at the top left."""
+    cv2.putText(image, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.55, color, 1, cv2.LINE_AA)
 
 
 if __name__ == "__main__":

@@ -160,17 +160,19 @@ def check_boxes(clip_boxes: Sequence[XYWH]) -> None:
             raise ValueError(f"the walker leaves frame {index} of the clip; choose another seed")
 
 
-def write_video(path: Path, frames: Sequence[Image]) -> None:
-    """Encode BGR frames as H.264 in yuv420p."""
+def write_video(
+    path: Path, frames: Sequence[Image], fps: int = CLIP_FPS, preset: str = "veryslow"
+) -> None:
+    """Encode BGR frames of one size as H.264 in yuv420p."""
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=CLIP_FPS)
-        stream.width, stream.height = CLIP_WH
+        stream = container.add_stream("libx264", rate=fps)
+        stream.height, stream.width = frames[0].shape[:2]
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1
-        stream.options = {"crf": CRF, "preset": "veryslow"}
+        stream.options = {"crf": CRF, "preset": preset}
         for index, pixels in enumerate(frames):
             frame = av.VideoFrame.from_ndarray(pixels, format="bgr24")
-            frame.pts, frame.time_base = index, Fraction(1, CLIP_FPS)
+            frame.pts, frame.time_base = index, Fraction(1, fps)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
