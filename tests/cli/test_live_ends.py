@@ -87,6 +87,7 @@ def start(clip):
 def record(client, box, frames=20):
     """Start a recording with a target and wait for some frames; returns its name."""
     client.ask(type="restart")
+    client.ask(type="resume")
     assert client.ask(type="add", box=box, name="boat")["type"] == "done"
     name = client.ask(type="record", on=True)["answer"]
     first = step_until(client, lambda step: step["targets"])["number"]
@@ -167,6 +168,7 @@ def test_recording_in_progress_of_another_process_is_not_touched(clip, start, tm
         other = start("--recordings", str(tmp_path))
         with Client(other) as second:
             (listed,) = second.next("recordings")["recordings"]
+            second.ask(type="resume")
             step_until(second, lambda step: step["number"] > 10)
         assert listed["open"]
         other.end(signal.SIGTERM)
@@ -200,6 +202,7 @@ def test_full_disk_ends_the_recording_and_notifies_the_page(clip, start, tmp_pat
     live = start("--recordings", str(tmp_path), preexec_fn=partial(limit_file_size, 60_000))
     with Client(live) as client:
         client.ask(type="restart")
+        client.ask(type="resume")
         assert client.ask(type="add", box=clip[1], name="boat")["type"] == "done"
         name = client.ask(type="record", on=True)["answer"]
         note = client.next("note")
@@ -221,6 +224,7 @@ def test_hanging_tracker_does_not_block_exit(clip, start, tmp_path):
     live = start("--recordings", str(tmp_path), command=failure, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
+        client.ask(type="resume")
         name = client.ask(type="record", on=True)["answer"]
         client.ask(type="add", box=clip[1], name="boat")
         assert client.next("health")["state"] == "stalled"
@@ -235,6 +239,7 @@ def test_crashed_tracking_exits_with_code_3(clip, start, tmp_path):
     live = start("--recordings", str(tmp_path), command=failure, env=environment_with_tests())
     with Client(live) as client:
         client.ask(type="restart")
+        client.ask(type="resume")
         name = client.ask(type="record", on=True)["answer"]
         client.ask(type="add", box=clip[1], name="boat")
         assert client.next("health")["state"] == "failed"
