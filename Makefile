@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: install demo test lint docs toolkit clean
+.PHONY: install demo test lint docs mutation toolkit clean
 
 install: $(READY)
 
@@ -30,6 +30,9 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/mkdocs build --strict --quiet
+
+mutation: $(READY)
+	$(BIN)/python scripts/mutation_sample.py
 
 toolkit: $(READY)
 	$(BIN)/python scripts/official_toolkit.py
