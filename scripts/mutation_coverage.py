@@ -42,25 +42,35 @@ class CoverageByTest:
         """Write a JSON file."""
         path.write_text(json.dumps(asdict(self)), encoding="utf-8")
 
-    def choose(self, project: Path, file: str, lines: range, names: frozenset[str]) -> list[str]:
+    def choose(
+        self, project: Path, file: str, lines: range, names: frozenset[str] | None
+    ) -> list[str]:
         """The tests of some lines of a file, the fastest first.
 
-        Lines that run when the module is imported belong to no test; their tests are those of the
-        lines that mention one of `names`. Without any, all tests of the file are chosen.
+        Lines that run when the module is imported, which have `names`, belong to no test. Their
+        tests are those of the lines that mention one of the names, and those in test files that do.
+        Without any, all tests of the file are chosen.
         """
         found = self._of(file, lines)
         if not found and names:
             word = re.compile(rf"\b(?:{'|'.join(map(re.escape, sorted(names)))})\b")
             for other in self.tests:
-                text = (project / other).read_text(encoding="utf-8").splitlines()
-                found |= self._of(other, (n for n, line in enumerate(text, 1) if word.search(line)))
-        if not found:
+                found |= self._of(other, _lines_with(word, project / other))
+            test_files = {test.split("::")[0] for test in self.seconds}
+            using = {name for name in test_files if any(_lines_with(word, project / name))}
+            found |= {test for test in self.seconds if test.split("::")[0] in using}
+        if not found and names is not None:
             found = self._of(file, map(int, self.tests.get(file, {})))
         return sorted(found, key=self.seconds.__getitem__)
 
     def _of(self, file: str, lines: Iterable[int]) -> set[str]:
         by_line = self.tests.get(file, {})
         return {test for line in lines for test in by_line.get(str(line), [])}
+
+
+def _lines_with(word: re.Pattern[str], path: Path) -> list[int]:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [number for number, line in enumerate(lines, 1) if word.search(line)]
 
 
 def measure(project: Path, files: list[str], test_files: list[str]) -> CoverageByTest:

@@ -28,7 +28,8 @@ _SKIPPED_FUNCTIONS: Final = {"__repr__", "__str__"}
 # `len` and `isinstance` have no argument that can be left out; mutmut skips them too.
 _SKIPPED_CALLS: Final = {"len", "isinstance", "cast", "warn", "debug", "info", "warning"}
 _SKIPPED_KEYWORDS: Final = {"strict", "encoding"}
-_TYPE_NAME: Final = re.compile(r"_?[A-Z]\w*[a-z]\w*")  # aliases and type variables
+# The export list, loggers, type aliases and type variables.
+_NO_VALUE: Final = re.compile(r"__all__|_log|_?[A-Z]\w*[a-z]\w*")
 _NO_BODY: Final = m.IndentedBlock(  # of protocols and overloads
     [m.ZeroOrMore(m.SimpleStatementLine([m.Expr(m.SimpleString() | m.Ellipsis())]))]
 )
@@ -45,8 +46,8 @@ class Mutant:
         Relative to the project.
     lines : range
         The changed statement; its head if it has a body.
-    names : frozenset of str
-        What the statement defines.
+    names : frozenset of str, optional
+        What the statement defines, if it runs when the module is imported.
     old, new : str
         The lines that differ, without indentation.
     text : str
@@ -55,7 +56,7 @@ class Mutant:
 
     file: str
     lines: range
-    names: frozenset[str]
+    names: frozenset[str] | None
     old: str
     new: str
     text: str
@@ -105,7 +106,7 @@ class _Site:
     node: cst.CSTNode
     replacement: cst.CSTNode
     lines: range
-    names: frozenset[str]
+    names: frozenset[str] | None
 
 
 class _Visitor(cst.CSTVisitor):
@@ -115,10 +116,14 @@ class _Visitor(cst.CSTVisitor):
         super().__init__()
         self.sites: list[_Site] = []
         self._statements: list[cst.CSTNode] = []
+        self._bodies: list[cst.CSTNode] = []  # of the functions around the node
 
     def on_visit(self, node: cst.CSTNode) -> bool:
         if _is_skipped(node):
             return False
+        outer = self._statements[-1] if self._statements else None
+        if isinstance(outer, cst.FunctionDef) and node is outer.body:
+            self._bodies.append(node)
         if isinstance(node, _STATEMENTS):
             self._statements.append(node)
         for kind, mutator in mutation_operators:
@@ -131,6 +136,8 @@ class _Visitor(cst.CSTVisitor):
     def on_leave(self, original_node: cst.CSTNode) -> None:
         if self._statements and original_node is self._statements[-1]:
             self._statements.pop()
+        if self._bodies and original_node is self._bodies[-1]:
+            self._bodies.pop()
 
     def _add(self, node: cst.CSTNode, replacement: cst.CSTNode) -> None:
         statement = self._statements[-1]
@@ -139,9 +146,8 @@ class _Visitor(cst.CSTVisitor):
         if isinstance(statement, cst.BaseCompoundStatement):
             inner = _parts(statement)[0]
             last = max(span.start.line, self.get_metadata(PositionProvider, inner).start.line - 1)
-        self.sites.append(
-            _Site(node, replacement, range(span.start.line, last + 1), _defined_names(statement))
-        )
+        names = None if self._bodies else _defined_names(statement)
+        self.sites.append(_Site(node, replacement, range(span.start.line, last + 1), names))
 
 
 def _parts(statement: cst.BaseCompoundStatement) -> Sequence[cst.CSTNode]:
@@ -164,7 +170,7 @@ def _is_skipped(node: cst.CSTNode) -> bool:
     if isinstance(node, cst.Arg):
         return _only_asserts(node)
     if isinstance(node, cst.Assign | cst.AnnAssign):
-        return any(_TYPE_NAME.fullmatch(name) or name == "_log" for name in _defined_names(node))
+        return any(_NO_VALUE.fullmatch(name) for name in _defined_names(node))
     return isinstance(node, cst.If) and m.matches(node.test, m.Name("TYPE_CHECKING"))
 
 
@@ -188,15 +194,9 @@ def _defined_names(node: cst.CSTNode) -> frozenset[str]:
     """The names that a statement assigns or defines."""
     if isinstance(node, cst.FunctionDef | cst.ClassDef):
         return frozenset({node.name.value})
+    targets: list[cst.CSTNode] = []
     if isinstance(node, cst.Assign):
-        targets: list[cst.CSTNode] = [target.target for target in node.targets]
+        targets = [target.target for target in node.targets]
     elif isinstance(node, cst.AnnAssign):
         targets = [node.target]
-    else:
-        return frozenset()
-    return frozenset(
-        name.value
-        for target in targets
-        for name in m.findall(target, m.Name())
-        if isinstance(name, cst.Name)
-    )
+    return frozenset(target.value for target in targets if isinstance(target, cst.Name))

@@ -3,7 +3,7 @@
 A `Worker` is a process that runs actions, each in a fork of itself. A bare worker has imported the
 large libraries, but nothing of the project: its forks import the changed file. A warm worker has
 also imported the project and all tests: its forks replace the code of the changed functions, which
-takes no time, but does not change what was computed during the import.
+takes no time. A bare worker is for changes of what runs at import.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def run_tests_changed(path: Path, text: str, tests: list[str]) -> int:
     codes = {(code.co_name, code.co_firstlineno): code for code in _codes(path, text)}
     changed = 0
     for function in gc.get_objects():
-        if isinstance(function, FunctionType) and function.__code__.co_filename == str(path):
+        if type(function) is FunctionType and function.__code__.co_filename == str(path):
             old = function.__code__
             new = codes.get((old.co_name, old.co_firstlineno), old)
             if new != old and new.co_freevars == old.co_freevars:
@@ -121,6 +121,7 @@ def _serve(
         }
     )
     sys.path.insert(0, str(project / "src"))
+    sys.dont_write_bytecode = False  # forks of a bare worker need not compile again
     output = project.with_name("output.txt")
     _redirect(output.with_name("workers.txt"))
     for name in _LIBRARIES:

@@ -37,6 +37,9 @@ class Box:
         return "Box"
 '''
 
+SLOW, QUICK, OTHER = (f"test_box.py::test_{name}" for name in ("slow", "quick", "other"))
+LIMIT = "test_limit.py::test_limit"
+
 
 def changes(folder, code):
     (folder / "box.py").write_text(code)
@@ -75,22 +78,26 @@ def test_each_change_is_valid_code(tmp_path):
 def measured(tmp_path):
     (tmp_path / "box.py").write_text(CODE)
     (tmp_path / "other.py").write_text("from box import _LIMIT\nprint(_LIMIT)\n")
-    lines = {"17": ["slow", "quick"], "19": ["slow"]}
-    tests = {"box.py": lines, "other.py": {"2": ["other"]}}
-    return CoverageByTest({"slow": 2.0, "quick": 0.1, "other": 1.0}, tests)
+    (tmp_path / "test_box.py").write_text("from box import Box\n")
+    (tmp_path / "test_limit.py").write_text("from box import _LIMIT\n")
+    tests = {
+        "box.py": {"17": [SLOW, QUICK], "19": [SLOW]},
+        "other.py": {"2": [OTHER]},
+    }
+    return CoverageByTest({SLOW: 2.0, QUICK: 0.1, OTHER: 1.0, LIMIT: 3.0}, tests)
 
 
 def test_tests_of_a_line_are_chosen_the_fastest_first(tmp_path, measured):
-    assert measured.choose(tmp_path, "box.py", range(17, 20), frozenset()) == ["quick", "slow"]
+    assert measured.choose(tmp_path, "box.py", range(17, 20), frozenset()) == [QUICK, SLOW]
 
 
-def test_tests_of_a_constant_are_those_of_the_lines_that_mention_it(tmp_path, measured):
+def test_tests_of_a_constant_are_those_of_the_lines_and_files_that_mention_it(tmp_path, measured):
     found = measured.choose(tmp_path, "box.py", range(6, 7), frozenset({"_LIMIT"}))
-    assert found == ["other", "slow"]
+    assert found == [OTHER, SLOW, LIMIT]
 
 
 def test_tests_of_what_nobody_mentions_are_those_of_the_file(tmp_path, measured):
-    assert measured.choose(tmp_path, "box.py", range(1, 2), frozenset()) == ["quick", "slow"]
+    assert measured.choose(tmp_path, "box.py", range(1, 2), frozenset()) == [QUICK, SLOW]
 
 
 def test_a_larger_sample_continues_a_smaller_one():
