@@ -88,3 +88,13 @@ def test_seek_returns_to_the_first_template():
 def test_a_clone_has_the_same_memory_settings():
     tracker = Lite2Tracker(networks(), memory=replace(Memory(), interval=4))
     assert tracker.clone()._memory == tracker._memory
+
+
+def test_templates_are_the_crop_around_the_target():
+    tracker = Lite2Tracker(networks())
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    ((crop,),) = tracker._networks.template.calls
+    assert crop.shape == (1, 3, 127, 127)
+    rows, columns = np.nonzero(marked(crop[0]))
+    assert rows.mean() == pytest.approx(63, abs=1)
+    assert columns.mean() == pytest.approx(63, abs=1)
