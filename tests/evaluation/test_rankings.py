@@ -41,11 +41,12 @@ def test_accuracy_and_robustness_are_points_in_the_trackers_color(found, rendere
     (panel,) = rendered[0].axes
     assert sorted(legend_of(panel)) == LABELS
     points = dict(zip(legend_of(panel), panel.collections, strict=True))
-    x, y = {label: point.get_offsets()[0] for label, point in points.items()}["kcf-off"]
-    assert x == pytest.approx(np.exp(-30 / 200), abs=0.01)  # one loss in 200 frames
-    assert 0 < y < 0.95
+    xy = {label: point.get_offsets()[0] for label, point in points.items()}
+    robustness, accuracy = xy["kcf-off"]
+    assert robustness == pytest.approx(np.exp(-30 / 200), abs=0.01)  # one loss in 200 frames
     for label in ("csrt-off", "kcf-paper"):
-        assert tuple(points[label].get_offsets()[0]) == pytest.approx((1, 1), abs=0.01)
+        assert xy[label][0] == 1
+        assert 1 >= xy[label][1] > accuracy + 0.05
     edges = {label: to_hex(point.get_edgecolor()[0]) for label, point in points.items()}
     assert edges["kcf-off"] == edges["kcf-paper"] != edges["csrt-off"]
     assert {edges["kcf-off"], edges["csrt-off"]} == set(COLORS[:2])
