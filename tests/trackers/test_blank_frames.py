@@ -77,13 +77,6 @@ def test_the_box_is_held_and_the_target_is_found_again(name, kind, count, shared
         assert iou(tracks[-1].box, truth[-1]) > 0.5
 
 
-@pytest.mark.parametrize("stabilize", ["off", "paper"])
-def test_a_target_is_lost_after_ten_blank_frames_with_any_method(stabilize):
-    frames, truth = spliced("black", 10)
-    tracks = tracked(ssiam.load_tracker("kcf", stabilize=stabilize), frames, truth[0])
-    assert tracks[BEFORE + 9].lost
-
-
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 @pytest.mark.parametrize("name", ["lite", "kcf"])
 def test_blank_frames_do_not_change_the_trackers_state(name, stabilize, shared):
