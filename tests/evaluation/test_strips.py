@@ -65,6 +65,13 @@ def test_results_show_the_first_frame_and_those_with_the_largest_gain():
     assert strip.frames == (0, 21, 44, 60, 70)
 
 
+def test_without_gains_the_row_is_filled_up_to_the_last_frame():
+    (strip,) = results([example(np.ones(90), np.ones(90))])
+    assert len(strip.frames) == 5
+    assert (strip.frames[0], strip.frames[-1]) == (0, 89)
+    assert min(np.diff(strip.frames)) >= 6
+
+
 def test_the_sequence_with_the_largest_gain_comes_first(tmp_path):
     runs = {
         ("kcf-off", "one"): WHOLE,
