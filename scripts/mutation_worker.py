@@ -3,7 +3,7 @@
 A `Worker` is a process that runs actions, each in a fork of itself. A bare worker has imported the
 large libraries, but nothing of the project: its forks import the changed file. A warm worker has
 also imported the project and all tests: its forks replace the code of the changed functions, which
-takes no time. A bare worker is for changes of what runs at import.
+takes no time. A bare worker is for changes of what runs at import, and to confirm survivors.
 """
 
 from __future__ import annotations
