@@ -58,11 +58,9 @@ TESTS: Final = (
     "tests/stabilize",
     "tests/trackers",
     "tests/evaluation",
-    "tests/test_public_classes.py",
     "tests/cli/test_eval.py",
     "tests/cli/test_eval_layouts.py",
     "tests/cli/test_eval_one_pass.py",
-    "tests/cli/test_tables.py",
     "tests/cli/test_weights_import.py",
 )
 # Numbers copied from publications: a test could only repeat them.

@@ -14,8 +14,8 @@ from ssiam.evaluation.measures.eao import (
     Fragment,
     Interval,
     expected_overlap,
-    mean_or_nan,
     interval_of,
+    mean_or_nan,
 )
 from ssiam.evaluation.measures.trajectory import TrackedSequence
 from ssiam.evaluation.runs.result_files import read_results
