@@ -263,6 +263,8 @@ def measured_tests(project: Path, worker: Worker) -> CoverageByTest:
     seconds: dict[str, float] = {}
     tests: dict[str, dict[str, list[str]]] = {file: {} for file in files}
     for test_file in python_files(project, TESTS):
+        if not Path(test_file).name.startswith("test_"):
+            continue
         version = digest([project / test_file])
         path = folder / f"{Path(test_file).stem}-{sources}-{version}.json"
         if not path.is_file():

@@ -52,7 +52,13 @@ def test_all_figures_are_drawn(found):
     assert notes == []
     names = "fig1", "fig3", "fig4", "fig5", "fig6", "boxes", "ranking", "eao"
     assert tuple(each.name.partition("-")[0] for each in drawn) == names
+    titles = {each.name.partition("-")[0]: each.title for each in drawn}
+    assert titles["fig1"] == "Fig. 1: where kcf alone loses its target"
+    assert titles["fig6"] == "Fig. 6: kcf alone and stabilized"
+    for number in (3, 4, 5):
+        assert titles[f"fig{number}"].startswith(f"Fig. {number}: ")
     for each in drawn:
+        assert each.caption.endswith(".")
         assert decoded(each.png).std() > 10
         assert min(decoded(each.png).shape[:2]) > 300
 
