@@ -74,3 +74,21 @@ def test_the_curve_of_eao_has_the_interval_and_a_line_for_each_tracker(found, re
     assert panel.get_ylabel() == "expected average overlap"
     assert panel.get_ylim() == (0, 1)
     assert panel.get_xlim()[0] == 1
+
+
+def test_other_datasets_have_a_success_plot_with_a_line_for_each_tracker(tmp_path, rendered):
+    data = write_vot_year(tmp_path / "clips", {"one": 40})
+    write_run(tmp_path / "out", "kcf-off", "one", "i" + "." * 39, 10.0)
+    write_run(tmp_path / "out", "kcf-paper", "one", "i" + "." * 39)
+    draw_ranking(summarize(tmp_path / "out", open_dataset(data)))
+    (panel,) = rendered[0].axes
+    lines = {line.get_label().split()[0]: line for line in panel.get_lines()}
+    assert {name: line.get_linestyle() for name, line in lines.items()} == {
+        "kcf-off": "--",
+        "kcf-paper": "-",
+    }
+    assert lines["kcf-off"].get_color() == lines["kcf-paper"].get_color() == COLORS[0]
+    assert lines["kcf-paper"].get_ydata().mean() > lines["kcf-off"].get_ydata().mean() + 0.1
+    assert (panel.get_xlim(), panel.get_ylim()) == ((0, 1), (0, 1))
+    assert panel.get_xlabel() == "overlap threshold"
+    assert panel.get_ylabel() == "share of frames, supervised runs"
