@@ -94,9 +94,9 @@ def test_got10k_clips_to_the_frame():
 
 
 def test_got10k_does_not_move_boxes_at_the_edge_of_the_frame():
-    truth = np.tile([0.0, 0, 40, 20], (3, 1))
+    truth = np.tile([10.0, 0, 20, 20], (3, 1))
     boxes = np.tile([0.0, 0, 20, 20], (3, 1))
-    assert got10k_overlaps(boxes, truth, (300, 200)) == pytest.approx([0.5, 0.5])
+    assert got10k_overlaps(boxes, truth, (300, 200)) == pytest.approx([1 / 3, 1 / 3])
 
 
 def test_ao_and_sr_are_over_all_frames():
