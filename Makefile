@@ -5,7 +5,7 @@ READY := .venv/.ready
 # The package alone, without PyTorch and development tools.
 PLAIN_READY := .venv-demo/.ready
 
-.PHONY: install install-plain demo test lint docs toolkit clean
+.PHONY: install install-plain demo test lint docs mutation toolkit clean
 
 install: $(READY)
 
@@ -35,6 +35,9 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/mkdocs build --strict --quiet
+
+mutation: $(READY)
+	$(BIN)/python scripts/mutation_sample.py
 
 toolkit: $(READY)
 	$(BIN)/python scripts/official_toolkit.py

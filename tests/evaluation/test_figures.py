@@ -12,12 +12,13 @@ from ssiam.errors import MissingExtraError
 from ssiam.evaluation.measures.eao import INTERVALS
 from ssiam.evaluation.paper.camera_figures import (
     draw_correction,
+    draw_path,
     draw_transformed,
     most_moved,
     record_camera,
 )
 from ssiam.evaluation.paper.figures import figures
-from ssiam.evaluation.paper.qualitative import Example, largest_difference
+from ssiam.evaluation.paper.qualitative import Example, draw_boxes, largest_difference
 from ssiam.evaluation.paper.summary import summarize
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.stabilize import StabilizerConfig
@@ -51,7 +52,13 @@ def test_all_figures_are_drawn(found):
     assert notes == []
     names = "fig1", "fig3", "fig4", "fig5", "fig6", "boxes", "ranking", "eao"
     assert tuple(each.name.partition("-")[0] for each in drawn) == names
+    titles = {each.name.partition("-")[0]: each.title for each in drawn}
+    assert titles["fig1"] == "Fig. 1: where kcf alone loses its target"
+    assert titles["fig6"] == "Fig. 6: kcf alone and stabilized"
+    for number in (3, 4, 5):
+        assert titles[f"fig{number}"].startswith(f"Fig. {number}: ")
     for each in drawn:
+        assert each.caption.endswith(".")
         assert decoded(each.png).std() > 10
         assert min(decoded(each.png).shape[:2]) > 300
 
@@ -192,3 +199,92 @@ def test_missing_matplotlib_names_the_extra(found, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"ssiam\[bench\]"):
         figures(found)
+
+
+def legend_of(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_axes_and_lines_of_figure_3_are_labeled(shaking, rendered):
+    draw_path(record_camera(shaking[0], PAPER))
+    x, y = rendered[0].axes
+    assert (x.get_ylabel(), y.get_ylabel()) == ("x  (px, right)", "y  (px, down)")
+    assert (x.get_xlabel(), y.get_xlabel()) == ("", "frame")
+    assert legend_of(x) == ["accumulated", "smoothed"]
+    assert not x.get_legend().get_frame_on()
+
+
+def test_axes_and_lines_of_figure_4_are_labeled(shaking, rendered):
+    record = record_camera(shaking[0], PAPER)
+    draw_correction(record)
+    shifts, angles = rendered[0].axes
+    assert shifts.get_xlabel() == "frame"
+    assert shifts.get_ylabel() == "dx, dy  (px, right and down)"
+    assert angles.get_ylabel() == "da  (degrees, clockwise)"
+    assert legend_of(shifts) == ["dx", "dy", "da (right scale)"]
+    drawn = [*shifts.get_lines(), *angles.get_lines()]
+    dx, dy, da = record.new_trans.T
+    for line, values in zip(drawn, (dx, dy, np.degrees(da)), strict=True):
+        assert line.get_ydata() == pytest.approx(values)
+        assert line.get_linewidth() == 1.2
+    for axes in (shifts, angles):  # zero in the middle
+        low, high = axes.get_ylim()
+        assert low == -high
+
+
+def test_figure_5_has_the_frame_and_the_transformed_one_at_the_same_scale(shaking, rendered):
+    sequence, _ = shaking
+    record = record_camera(sequence, PAPER)
+    draw_transformed(sequence, record, most_moved(record, (320, 240)), 20)
+    panels = rendered[0].axes
+    assert [panel.get_title() for panel in panels] == ["original", "transformed"]
+    sizes = [panel.get_images()[0].get_array().shape[:2] for panel in panels]
+    assert sizes == [(240, 320), (280, 360)]
+    widths = [panel.get_window_extent().width for panel in panels]
+    assert widths[1] / widths[0] == pytest.approx(360 / 320, rel=0.02)
+    assert all(not panel.axison for panel in panels)
+
+
+def test_titles_name_the_figure_and_the_sequence_or_tracker(tmp_path):
+    data = write_vot_year(tmp_path / "VOT2018", {"one": 40, "two": 40})
+    for label in ("kcf-off", "kcf-paper"):
+        for name in ("one", "two"):
+            write_run(tmp_path / "out", label, name, "i" + "." * 39)
+    drawn, _ = figures(summarize(tmp_path / "out", open_dataset(data)))
+    titles = {each.name: each.title for each in drawn}
+    assert titles["ranking-VOT2018"] == "Ranking: accuracy and robustness on VOT2018"
+    assert titles["eao-VOT2018"] == "Expected average overlap on VOT2018"
+
+
+@pytest.fixture
+def filmed_example(tmp_path):
+    """An example with images of 400 x 300 px, whose tracker alone is beside the target."""
+    for index in range(40):
+        cv2.imwrite(str(tmp_path / f"{index:02}.png"), world(index, (400, 300)))
+    truth = np.tile([200.0, 150, 30, 20], (40, 1))
+    stabilized = np.tile([205.0, 150, 30, 20], (40, 1))
+    off = np.where(np.arange(40)[:, None] == 20, [230.0, 180, 30, 20], stabilized)
+    images = tuple(sorted(tmp_path.glob("*.png")))
+    return Example("kcf", VideoSequence("s", images, truth), False, truth, off, stabilized)
+
+
+def test_boxes_are_drawn_in_a_window_around_the_target(filmed_example, rendered):
+    draw_boxes(filmed_example)
+    (figure,) = rendered
+    (panel,) = figure.axes
+    assert panel.get_title() == "frame 20: off 0.00, stabilized 0.71"
+    assert not panel.axison
+    left, right = panel.get_xlim()
+    bottom, top = panel.get_ylim()
+    assert (left + right) / 2 == pytest.approx(215, abs=1)  # the target's center
+    assert (top + bottom) / 2 == pytest.approx(160, abs=1)
+    assert right - left == pytest.approx(4 / 3 * 160, abs=1)
+    assert bottom - top == pytest.approx(160, abs=1)
+    image = world(20, (400, 300))[round(top + 0.5) : round(bottom + 0.5), :, ::-1]
+    image = image[:, round(left + 0.5) : round(right + 0.5)]
+    assert (panel.get_images()[0].get_array() == image).all()
+    corners = [patch.get_xy()[:4].tolist() for patch in panel.patches]
+    assert [corner[0] for corner in corners] == [[200, 150], [230, 180], [205, 150]]
+    assert [corner[2] for corner in corners] == [[230, 170], [260, 200], [235, 170]]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["truth", "off", "stabilized"]

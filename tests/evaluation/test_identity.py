@@ -195,3 +195,10 @@ def test_a_search_continues_only_with_the_same_weights(dataset, weights, tmp_pat
     alter(weights)
     assert main([*command, "--threads", "2"]) == 2
     assert "belongs to a search with other weights" in capsys.readouterr().err
+
+
+def test_an_entry_loads_its_weights_and_its_runtime_options(weights, tmp_path):
+    tracker = Entry("lite", OFF, weights, RuntimeOptions(threads=2)).load()
+    assert tracker.config == OFF
+    with pytest.raises(WeightsError, match="missing"):
+        Entry("lite", OFF, tmp_path / "missing").load()

@@ -28,6 +28,20 @@ def test_the_page_is_self_contained_and_escaped():
     assert markdown([Section("S", [TABLE], notes=["missing"])], "x").endswith("- missing\n")
 
 
+def test_a_table_of_the_page_has_nothing_but_its_rows():
+    text = page([Section("S", [TABLE])], "x")
+    table = text[text.index("<table") : text.index("</table>")]
+    assert table.count("<tr>") == 1 + len(TABLE.rows)
+    between = re.findall(r"</tr>(.*?)<tr>", table, re.DOTALL)
+    assert all(not re.sub(r"</?t(head|body)>", "", part).strip() for part in between)
+
+
+def test_the_written_page_has_a_title(tmp_path):
+    write_page(tmp_path, [Section("S", [TABLE])], "x")
+    text = (tmp_path / "tables.html").read_text(encoding="utf-8")
+    assert "<title>Tables and figures of stabilized tracking" in text
+
+
 def test_an_unwritable_folder_is_an_error(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(SinkError, match=r"file.*cannot be written"):

@@ -86,3 +86,10 @@ def test_flags_contain_changed_settings():
     assert track_flags(StabilizerConfig("paper")) == "--stabilize paper"
     config = StabilizerConfig("paper").with_options(keypoints="direct", thx1=80.0)
     assert track_flags(config) == "--stabilize paper --keypoints direct --thx1 80.0"
+
+
+def test_a_parameter_with_choices_has_an_empty_range():
+    parameter = Parameter("keypoints", choices=("orb", "direct"))
+    assert (parameter.low, parameter.high, parameter.step) == (0.0, 0.0, 1.0)
+    assert parameter.holds("orb")
+    assert not parameter.holds("gftt")

@@ -15,6 +15,7 @@ from ssiam.evaluation.measures.eao import (
     Interval,
     expected_overlap,
     interval_of,
+    mean_or_nan,
 )
 from ssiam.evaluation.measures.trajectory import TrackedSequence
 from ssiam.evaluation.runs.result_files import read_results
@@ -173,3 +174,10 @@ def test_published_scores_of_raw_results(shared, vot2018, folder, accuracy, robu
     assert round(found.robustness, 3) == robustness
     assert found.eao == pytest.approx(eao, abs=0.001)
     assert (found.lost, found.frames) == (lost, 21356)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_mean_of_no_known_values_is_nan_without_a_warning():
+    assert np.isnan(mean_or_nan(np.array([np.nan, np.nan])))
+    assert np.isnan(mean_or_nan(np.array([])))
+    assert mean_or_nan(np.array([np.nan, 0.25, 0.75])) == 0.5

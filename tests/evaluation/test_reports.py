@@ -9,7 +9,13 @@ from rich.console import Console
 from ssiam.datasets import VideoSequence
 from ssiam.evaluation.measures.regions import upright
 from ssiam.evaluation.measures.trajectory import Status, Trajectory
-from ssiam.evaluation.reports import OnePassReport, one_pass, one_pass_table
+from ssiam.evaluation.reports import (
+    OnePassReport,
+    one_pass,
+    one_pass_table,
+    scores_table,
+    tags_table,
+)
 from ssiam.evaluation.runs.result_files import vot_path, write_vot
 
 COUNT = 12
@@ -48,3 +54,12 @@ def test_rotated_boxes_are_measured_by_their_upright_boxes(tmp_path):
     write_vot(path, Trajectory(status, boxes))
     width = upright(truth)[0, 2]
     assert one_pass(tmp_path, [sequence]).ao == pytest.approx((width - 10) / (width + 10), abs=1e-3)
+
+
+def test_heads_of_the_tables():
+    heads = {
+        table: [column.header for column in table(()).columns]
+        for table in (scores_table, tags_table)
+    }
+    assert heads[scores_table] == ["tracker", "A", "R /100", "EAO", "lost", "A", "R /seq", "EAO"]
+    assert heads[tags_table] == ["tracker", "tag", "A", "R /100", "EAO", "lost", "frames"]

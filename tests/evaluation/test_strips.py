@@ -1,20 +1,29 @@
 """Strips: which sequences and frames they show."""
 
+import cv2
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 from helpers.benched import write_run, write_vot_year
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.evaluation.paper.canvas import NothingToDrawError
 from ssiam.evaluation.paper.qualitative import Example
-from ssiam.evaluation.paper.strips import PAPER_SEQUENCES, examples, failures, gain, results
+from ssiam.evaluation.paper.strips import (
+    PAPER_SEQUENCES,
+    draw_strips,
+    examples,
+    failures,
+    gain,
+    results,
+)
 from ssiam.evaluation.paper.summary import summarize
 
 LOST = "i" + "." * 19 + "x----i" + "." * 14
 WHOLE = "i" + "." * 39
 
 
-def example(off, stabilized, name="s"):
+def example(off, stabilized, name="s", images=()):
     truth = np.tile([10.0, 10, 20, 20], (len(off), 1))
     boxes = []
     for overlaps in (off, stabilized):
@@ -22,7 +31,7 @@ def example(off, stabilized, name="s"):
         each[:, 2] *= overlaps  # a narrower box with exactly this overlap
         each[np.asarray(overlaps) == 0] = np.nan
         boxes.append(each)
-    return Example("kcf", VideoSequence(name, (), truth), False, truth, *boxes)
+    return Example("kcf", VideoSequence(name, images, truth), False, truth, *boxes)
 
 
 def found(tmp_path, runs, names=("one", "two")):
@@ -54,6 +63,13 @@ def test_results_show_the_first_frame_and_those_with_the_largest_gain():
     stabilized[80] = 0.0  # a large difference, but for the worse
     (strip,) = results([example(off, stabilized)])
     assert strip.frames == (0, 21, 44, 60, 70)
+
+
+def test_without_gains_the_row_is_filled_up_to_the_last_frame():
+    (strip,) = results([example(np.ones(90), np.ones(90))])
+    assert len(strip.frames) == 5
+    assert (strip.frames[0], strip.frames[-1]) == (0, 89)
+    assert min(np.diff(strip.frames)) >= 6
 
 
 def test_the_sequence_with_the_largest_gain_comes_first(tmp_path):
@@ -102,3 +118,48 @@ def test_without_a_pair_there_is_nothing_to_draw(tmp_path):
         examples(summaries)
     with pytest.raises(NothingToDrawError, match="of two"):
         examples(summaries, ["two"])
+
+
+def colors(patches):
+    return [to_hex(patch.get_edgecolor()) for patch in patches]
+
+
+@pytest.mark.parametrize("stabilized", [False, True])
+def test_drawn_strips(stabilized, tmp_path, rendered):
+    """Boxes, labels, titles and the legend of a sequence whose target is lost in frame 9."""
+    for index in range(10):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), np.full((48, 64, 3), 20 * index, np.uint8))
+    images = tuple(sorted(tmp_path.glob("*.png")))
+    off, on = np.ones(10), np.full(10, 0.5)
+    off[9] = 0
+    lost = example(off, on, "road", images)
+    draw_strips(failures([lost]), stabilized=stabilized)
+    (figure,) = rendered
+    panels = figure.axes
+    shown = [int(panel.get_images()[0].get_array().mean()) // 20 for panel in panels]
+    assert shown == [0, 6, 7, 8, 9]
+    for panel, index in zip(panels, shown, strict=True):
+        assert panel.get_xlim() == (-0.5, 63.5)
+        assert panel.get_ylim() == (47.5, -0.5)
+        assert panel.texts[0].get_text() == f"frame {index}"
+        assert panel.texts[0].get_ha() == "left"
+        lines = [line.get_ydata()[0] for line in panel.get_lines()]
+        assert lines == ([20] if index and not stabilized else [])
+    yellow, blue, green = "#ffe11a", "#3c8cff", "#1ee65a"
+    blues = [blue] if stabilized else []
+    assert [colors(panel.patches) for panel in panels] == [
+        [green],
+        *[[green, yellow, *blues]] * 3,
+        [green, *blues],
+    ]
+    notes = [[text.get_text() for text in panel.texts[1:]] for panel in panels]
+    assert notes == [[]] * 4 + [["off: lost"]]
+    assert panels[4].texts[1].get_ha() == "right"
+    assert panels[0].get_ylabel() == "road"
+    middle = "output" if stabilized else "the frames up to the loss"
+    assert [panel.get_title() for panel in panels] == ["first frame", "", middle, "", ""]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "kcf alone",
+        *(["kcf stabilized (paper)"] if stabilized else []),
+        "truth",
+    ]

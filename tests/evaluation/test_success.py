@@ -93,6 +93,12 @@ def test_got10k_clips_to_the_frame():
     np.testing.assert_array_equal(boxes[1], [90, 0, 500, 10])
 
 
+def test_got10k_does_not_move_boxes_at_the_edge_of_the_frame():
+    truth = np.tile([10.0, 0, 20, 20], (3, 1))
+    boxes = np.tile([0.0, 0, 20, 20], (3, 1))
+    assert got10k_overlaps(boxes, truth, (300, 200)) == pytest.approx([1 / 3, 1 / 3])
+
+
 def test_ao_and_sr_are_over_all_frames():
     found = average_overlap([np.array([1.0, 0.75, 0.5]), np.array([0.6]), np.zeros(0)])
     assert found.ao == pytest.approx(2.85 / 4)

@@ -362,3 +362,11 @@ def test_a_folder_without_results(tmp_path, vot, made):
         folder.mkdir()
     with pytest.raises(ResultsError, match="nothing"):
         summarize(folder, open_dataset(vot[0]))
+
+
+def test_heads_name_every_column(found):
+    measured = ["lost", "overlap", "success", "missing"]
+    columns = [f"{kind}{name}" for name in ("A", "R", "EAO") for kind in ("", "paper ", "diff ")]
+    speed = ["fps", "paper fps", "diff fps"]
+    assert [*table2(found).head] == ["tracker", "keypoints", *columns, *speed, *measured]
+    assert [*table3(found).head] == ["tracker", "threshold", "value", *columns, *measured]

@@ -31,6 +31,16 @@ def test_a_textured_frame_has_keypoints_all_over(name):
     assert len(_spread(points, SIZE)) >= min_cells
 
 
+@pytest.mark.parametrize("name", MINIMUM)
+def test_no_keypoint_is_outside_of_the_mask(name):
+    mask = np.full(TEXTURED.shape, 255, np.uint8)
+    mask[100:260, 200:440] = 0
+    points = KeypointGenerator(name)(TEXTURED, mask)
+    inside = (np.abs(points - (320, 180)) < (115, 75)).all(axis=1)  # not at the mask's edge
+    assert len(points) > 20
+    assert not inside.any()
+
+
 def test_harris_rejects_points_on_a_strong_edge_that_gftt_accepts():
     """Harris and Stephens (1988): det - k trace² is negative where one gradient dominates."""
     frame = np.full((120, 160), 20, np.uint8)

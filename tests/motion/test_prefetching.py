@@ -1,4 +1,5 @@
 import time
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -52,6 +53,18 @@ def test_a_given_motion_is_returned_for_a_started_frame():
     camera.start(second)
     given = rigid(5, 4, 0.1)
     np.testing.assert_allclose(camera.update(second, motion=given).cur_from_prev, given)
+
+
+def test_a_copy_is_independent_and_expects_the_started_frame():
+    camera = prefetching()
+    first, second, third, *_ = shaken()
+    camera.update(first)
+    camera.start(second)
+    copied = deepcopy(camera)
+    for frame in (second, third):
+        found, expected = copied.update(frame), camera.update(frame)
+        np.testing.assert_array_equal(found.cur_from_prev, expected.cur_from_prev)
+        assert found.reliable
 
 
 def test_another_frame_than_the_started_one_is_refused():

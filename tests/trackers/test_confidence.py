@@ -128,3 +128,13 @@ def test_a_much_lower_value_changes_the_baseline_only_if_confident(confident):
         last = baseline.update(0.2, confident)
     assert first < 0
     assert last == (0 if confident else first)
+
+
+def test_the_baseline_follows_faster_while_the_tracker_is_confident():
+    values = {}
+    for confident in (True, False):
+        baseline = RunningBaseline()
+        baseline.update(1.0, confident)
+        baseline.update(2.0, confident)  # the mean moves up by a share of the difference
+        values[confident] = baseline.update(1.0, confident)
+    assert values[True] < values[False] <= 0

@@ -106,3 +106,13 @@ def test_masks_can_be_switched_off():
     tracker = Lite2Tracker(replace(networks(), mask=mask), masks=False)
     tracker.init(FrameView(FRAMES[0]), BOX)
     assert tracker.track(FrameView(FRAMES[1])).mask is None
+
+
+def test_templates_are_the_crop_around_the_target():
+    tracker = Lite2Tracker(networks())
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    ((crop,),) = tracker._networks.template.calls
+    assert crop.shape == (1, 3, 127, 127)
+    rows, columns = np.nonzero(marked(crop[0]))
+    assert rows.mean() == pytest.approx(63, abs=1)
+    assert columns.mean() == pytest.approx(63, abs=1)

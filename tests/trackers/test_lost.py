@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import ssiam
+from helpers.tracker_scenes import OPEN, filmed, shaking_pan, target_box
 from ssiam.motion import Motion
 from ssiam.trackers.lost import LossDetector, ReachableBox
 
@@ -125,3 +127,15 @@ def test_only_a_reachable_observation_is_taken():
         reachable.advance(STILL)
     assert reachable.contains(shifted(1))
     assert not reachable.contains(shifted(-0.5))
+
+
+@pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
+def test_a_target_is_lost_after_ten_blank_frames_with_any_method(stabilize):
+    pose = shaking_pan(1)[0]
+    frame = filmed(OPEN, pose)
+    tracker = ssiam.load_tracker("kcf", stabilize=stabilize)
+    tracker.init(frame, target_box(pose))
+    assert not tracker.update(frame).lost
+    tracks = [tracker.update(np.zeros_like(frame)) for _ in range(10)]
+    assert tracks[-1].lost
+    assert tracks[-1].score == 0
