@@ -11,6 +11,7 @@ from helpers.synthetic import generator, world
 from ssiam import CameraMotion
 from ssiam.errors import ArgumentError
 from ssiam.geometry import map_points, rigid
+from ssiam.motion import keypoints
 from ssiam.motion.keypoints import KeypointGenerator, KeypointMotion, _follow, _spread
 
 SIZE = (640, 360)
@@ -159,6 +160,7 @@ def test_the_first_frame_has_no_motion_and_is_reliable():
     frames = shifted_frames(2, 4)
     found = estimator().estimate(frames[0], np.empty((0, 4)))
     assert found.reliable
+    assert found.size_wh == (320, 180)
     np.testing.assert_array_equal(found.cur_from_prev, np.eye(3))
 
 
@@ -181,6 +183,7 @@ def test_a_blank_frame_is_skipped():
     camera.estimate(frames[0], none)
     blank = camera.estimate(np.full_like(frames[0], 77), none)
     assert not blank.reliable
+    assert blank.size_wh == (320, 180)
     assert camera.estimate(frames[1], none).shift_angle[0] == pytest.approx(-4, abs=0.2)
 
 
@@ -191,6 +194,7 @@ def test_boxes_over_the_whole_frame_leave_no_points(fit):
     camera.set_previous(frames[0])
     found = camera.estimate(frames[1], np.array([[-5.0, -5, 400, 300]]))
     assert not found.reliable
+    assert found.size_wh == (320, 180)
     np.testing.assert_array_equal(found.cur_from_prev, np.eye(3))
 
 
@@ -209,7 +213,7 @@ def test_the_background_is_outside_of_the_boxes():
 def test_a_few_points_that_agree_are_not_enough():
     """At least twelve points are needed."""
     none = np.empty((0, 4))
-    for count, enough in ((11, False), (14, True)):
+    for count, enough in ((11, False), (12, True)):
         frames = []
         for shift in (0, 3):
             frame = np.full((180, 320, 3), 90, np.uint8)
@@ -226,3 +230,90 @@ def test_a_few_points_that_agree_are_not_enough():
         assert found.reliable == enough
         if enough:
             assert found.shift_angle[0] == pytest.approx(3, abs=0.3)
+
+
+def detected(detector):
+    keypoints = sorted(detector.detect(TEXTURED, None), key=lambda each: -each.response)
+    return np.array([each.pt for each in keypoints], np.float32)
+
+
+def corners(**how):
+    return cv2.goodFeaturesToTrack(TEXTURED, 200, 0.01, 10, **how).reshape(-1, 2)
+
+
+REFERENCES = {  # OpenCV's detectors with the values that were measured to be fast and accurate
+    "orb": lambda: detected(
+        cv2.ORB.create(500, 2.0, 2, edgeThreshold=9, patchSize=9, scoreType=cv2.ORB_FAST_SCORE)
+    ),
+    "mser": lambda: detected(cv2.MSER.create()),
+    "gftt": corners,
+    "harris": lambda: corners(useHarrisDetector=True),
+}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_keypoints_are_those_of_opencv(name):
+    found, expected = KeypointGenerator(name)(TEXTURED, None), REFERENCES[name]()
+    assert found.shape == expected.shape
+    assert {tuple(point) for point in found} == {tuple(point) for point in expected}
+
+
+def test_the_flow_has_windows_of_17_pixels_on_five_levels():
+    first, second = (cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) for frame in shifted_frames(2, 7))
+    points = KeypointGenerator("gftt")(first, None)
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)
+    expected, found, _ = cv2.calcOpticalFlowPyrLK(
+        first, second, points, None, winSize=(17, 17), maxLevel=4, criteria=stop
+    )
+    before, after = _follow(first, second, points)
+    inside = ((expected >= 0) & (expected <= (319, 179))).all(axis=1) & (found.ravel() == 1)
+    assert 0 < inside.sum() < len(points)
+    np.testing.assert_array_equal(before, points[inside])
+    np.testing.assert_array_equal(after, expected[inside])
+
+
+@pytest.mark.parametrize(
+    ("width", "tolerance"), [(320, 1.0), (426, 1.0), (640, 1.5), (1280, 3.0), (1920, 4.5)]
+)
+def test_the_tolerance_grows_with_the_frame(width, tolerance):
+    """Errors of inliers are at most 1.5 px in frames of 640 px, and 1 px in small ones."""
+    for size in ((width, width // 2), (width // 2, width)):
+        assert estimator(size=size)._tolerance == pytest.approx(tolerance)
+
+
+def test_flat_bars_are_no_background():
+    frame = shifted_frames(1, 0)[0]
+    frame[:, :60] = frame[:, 260:] = 0
+    gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+    mask = estimator()._background(gray, np.array([[100.0, 50, 150, 90]]))
+    assert mask.shape == gray.shape
+    assert mask.dtype == np.uint8
+    assert not mask[:, :60].any()
+    assert not mask[:, 260:].any()
+    assert not mask[50:90, 100:150].any()
+    assert mask[10:170, 160:250].all()
+    large = estimator(size=(640, 360))._background(cv2.resize(gray, (640, 360)), np.empty((0, 4)))
+    assert large.shape == (360, 640)
+    assert not large[:, :118].any()
+    assert large[20:340, 140:500].all()
+
+
+@pytest.mark.parametrize("share", [0.15, 0.3])
+def test_a_fit_needs_a_fifth_of_the_points(share):
+    """The other points move apart from each other."""
+    rng, count = generator(4), 150
+    points = rng.uniform((20, 20), (300, 160), (count, 2)).astype(np.float32)
+    moved = points + 3
+    others = slice(int(share * count), None)
+    moved[others] += rng.uniform(-18, 18, moved[others].shape)
+    assert estimator_of(points, moved).reliable == (share > 0.2)
+
+
+def estimator_of(points, moved):
+    """The motion that a camera estimates from points that were followed."""
+    camera = KeypointMotion((320, 180), lambda gray, mask: points, "robust", "rigid", spread=False)
+    frames = shifted_frames(2, 0)
+    camera.set_previous(frames[0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(keypoints, "_follow", lambda prev, cur, points: (points, moved))
+        return camera.estimate(frames[1], np.empty((0, 4)))
