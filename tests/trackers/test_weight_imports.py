@@ -237,8 +237,12 @@ def test_the_manifest_is_written_last(tmp_path, monkeypatch):
 @pytest.fixture
 def checkpoint(tmp_path, monkeypatch):
     """A .pth file of the network "siammask_r50_l3", and whether it is of SiamMask's authors."""
-    checkpoints = pytest.importorskip("ssiam.networks.checkpoints")
-    networks, export = (pytest.importorskip(f"ssiam.{n}") for n in ("networks", "runtime.export"))
+    for package in ("torch", "onnx"):
+        pytest.importorskip(package)
+    from ssiam import networks
+    from ssiam.networks import checkpoints
+    from ssiam.runtime import export
+
     file = tmp_path / "SiamMask_DAVIS.pth"
     file.write_bytes(b"weights")
     made = {"authors": True, "calls": [], "network": "siammask_r50_l3"}
