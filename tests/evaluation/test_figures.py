@@ -6,6 +6,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from helpers.benched import bench, write_run, write_vot_year
+from helpers.paper_examples import example
 from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.datasets import VideoSequence, open_dataset
@@ -134,17 +135,6 @@ def test_figure_5_shows_the_frame_that_moved_farthest_with_black_borders(shaking
     left, right = np.hsplit(black[:, : black.shape[1] // 2 * 2], 2)
     assert left.mean() < 0.06
     assert right.mean() > left.mean() + 0.1  # 24 % of the transformed frame are its border
-
-
-def example(off, stabilized):
-    truth = np.tile([10.0, 10, 20, 20], (len(off), 1))
-    boxes = []
-    for overlaps in (off, stabilized):
-        each = truth.copy()
-        each[:, 2] *= overlaps  # a narrower box with exactly this overlap
-        each[np.asarray(overlaps) == 0] = np.nan
-        boxes.append(each)
-    return Example("kcf", None, False, truth, *boxes)
 
 
 def test_frames_with_the_largest_differences_are_sorted_and_apart():
