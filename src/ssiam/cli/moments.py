@@ -135,6 +135,11 @@ class Span:
     start: Moment | None = None
     end: Moment | None = None
 
+    @classmethod
+    def of_frames(cls, first: int, last: int) -> Span:
+        """The frames from number `first` to number `last`."""
+        return cls(*(Moment(str(index), frame=index) for index in (first, last)))
+
     def check(self, targets: list[PlannedTarget]) -> None:
         """Raise `ArgumentError` if the end is before the start, or a target begins outside."""
         if self.start is not None and self.end is not None and self.end.is_before(self.start):

@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
 from ssiam.cli.boxes import box_files, parse_boxes
 from ssiam.cli.moments import Span, moment_option
@@ -25,11 +25,10 @@ from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
-from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
+from ssiam.cli.track_run import DEFAULT_VIDEO, SourceOptions, TrackJob, run_track
+from ssiam.cli.track_views import OUTPUT_GROUP, VideoOptions
 from ssiam.errors import ArgumentError
 from ssiam.video import RawFormat
-
-_OUTPUT_GROUP = Group("Output", sort_key=2)
 
 
 def track(
@@ -44,16 +43,16 @@ def track(
     start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     backward: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
-    out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
+    out: Annotated[Path | None, Parameter(group=OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
-        Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
+        Path | None, Parameter(group=OUTPUT_GROUP, allow_leading_hyphen=True)
     ] = None,
-    layout: Annotated[str | None, Parameter(group=_OUTPUT_GROUP)] = None,
-    plot: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP)] = None,
-    side_by_side: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
-    overwrite: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
+    layout: Annotated[str | None, Parameter(group=OUTPUT_GROUP)] = None,
+    plot: Annotated[Path | None, Parameter(group=OUTPUT_GROUP)] = None,
+    video: VideoOptions = DEFAULT_VIDEO,
+    overwrite: Annotated[bool, Parameter(group=OUTPUT_GROUP, negative=())] = False,
     quiet: Annotated[
-        bool, Parameter(name=("--quiet", "-q"), group=_OUTPUT_GROUP, negative=())
+        bool, Parameter(name=("--quiet", "-q"), group=OUTPUT_GROUP, negative=())
     ] = False,
     raw: Annotated[str | None, Parameter(group=RUNTIME_GROUP)] = None,
     stream: Annotated[int | None, Parameter(group=RUNTIME_GROUP)] = None,
@@ -108,8 +107,6 @@ def track(
         vot (0-based).
     plot
         Plot of the camera path and its stabilization: .png, .svg or .pdf.
-    side_by_side
-        Show the stabilized view next to the raw frame in the video.
     overwrite
         Replace existing files; without this option ssiam does not start.
     quiet
@@ -124,6 +121,7 @@ def track(
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
+    video.check()
     options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
 
     def job_for(targets: int) -> TrackJob:
@@ -133,7 +131,7 @@ def track(
         else:
             paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
         paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
-        return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
+        return TrackJob(options, paths, tracker_options, config, span, video, quiet)
 
     if backward and layout == "vot":
         raise ArgumentError("--layout vot has a target's first line first: omit --backward")

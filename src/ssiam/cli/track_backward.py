@@ -11,11 +11,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ssiam.cli.moments import Moment, PlannedTarget, Span
+from ssiam.cli.moments import PlannedTarget, Span
 from ssiam.cli.track_outputs import Outputs
 from ssiam.cli.track_progress import RunProgress
+from ssiam.cli.track_records import TrackRecords
 from ssiam.cli.track_run import (
     TrackJob,
     check_complete,
@@ -26,10 +26,11 @@ from ssiam.cli.track_run import (
 )
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
+from ssiam.cli.track_views import ClipViews, RawViews, ViewMotion, Views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.motion import Motion
 from ssiam.track import Track
-from ssiam.video.frames import Frame, SourceInfo
+from ssiam.video.frames import Frame, Source, SourceInfo
 from ssiam.video.reversing import FrameRecord, ReversedFrames, check_reversible
 
 
@@ -54,17 +55,30 @@ def run_backward(
         title = f"{frames.name} backward"
         summary = Summary(title, job.tracker.tracker, job.config.stabilize, len(targets))
         tracked = _track(job, targets, scan, summary, progress)
-        outputs = Outputs(frames, job.paths, side_by_side=job.side_by_side, config=job.config)
+        outputs = Outputs(job.paths, job.config)
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
         count = len(scan.records)
+        outputs.open_video(frames, job.video, _views(job, frames, scan, tracked))
         for done, frame in enumerate(selected_frames(frames, scan.span(), ()), 1):
-            outputs.write(frame, tracked.forward(frame.index))
+            tracks = tracked.forward(frame.index)
+            outputs.write(frame, tracks)
+            outputs.write_video(frame, tracks, tracked.motion(frame.index))
             for each in progress:
                 each.advance(count + done, 2 * count, summary.timer.fps)
     check_complete(frames, summary)
     if scan.fault is not None:
         raise scan.fault
+
+
+def _views(job: TrackJob, frames: Source, scan: _Scan, tracked: _BackwardTracks) -> Views:
+    """The views of the video."""
+    if not job.plans_views:
+        return RawViews()
+    indexes = range(scan.first, scan.first + len(scan.records))
+    unknown = Motion.none(frames.size_wh)
+    motions = [tracked.motion(index) or unknown for index in indexes]
+    return ClipViews(job.video, frames.size_wh, float(frames.fps), scan.first, motions)
 
 
 @dataclass
@@ -93,7 +107,7 @@ class _Scan:
     def span(self) -> Span:
         """The frames of the span, by their numbers."""
         last = self.first + len(self.records) - 1
-        return Span(*(Moment(str(index), frame=index) for index in (self.first, last)))
+        return Span.of_frames(self.first, last)
 
 
 def _scan(job: TrackJob, targets: Sequence[PlannedTarget]) -> _Scan:
@@ -161,10 +175,14 @@ def _track(
     run = TargetSet(job.new_group(), targets, has_begun)
     found = _BackwardTracks(len(targets))
     count = len(scan.records)
+    camera = ViewMotion() if job.needs_motion else None
     for frame, following in paired_frames(iter(reader), count, job.tracker.threads):
         with summary.timer:
+            if camera is not None and summary.frames:
+                camera.start(frame)
             tracks = run.step(frame, following)
-        found.add(frame.index, tracks)
+            motion = None if camera is None else camera.finish(frame, tracks)
+        found.add(frame.index, tracks, motion)
         summary.add(frame.index, tracks)
         summary.add_failures(frame.index, run.failures)
         for each in progress:
@@ -173,64 +191,31 @@ def _track(
 
 
 class _BackwardTracks:
-    """The tracks of all frames; masks take a bit for each pixel of their bounds."""
+    """The tracks of all frames and, if the video needs it, the camera motion."""
 
     def __init__(self, targets: int) -> None:
-        self._targets = targets
-        self._stored: dict[int, list[_StoredTrack | None]] = {}
+        self._records = TrackRecords(targets)
+        self._motions: dict[int, Motion] = {}  # from the frame after each
 
-    def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
-        """Store the tracks of a frame."""
-        stored = [None if track is None else _StoredTrack.of(track) for track in tracks]
-        self._stored[frame_index] = stored
+    def add(self, frame_index: int, tracks: Sequence[Track | None], motion: Motion | None) -> None:
+        """Store the tracks of a frame, and the motion to it from the frame after it."""
+        self._records.add(frame_index, tracks)
+        if motion is not None:
+            self._motions[frame_index] = motion
+
+    def motion(self, frame_index: int) -> Motion | None:
+        """Camera motion to a frame from the frame before it; None if it was not estimated."""
+        return _inverse(self._motions.get(frame_index - 1))
 
     def forward(self, frame_index: int) -> list[Track | None]:
         """The tracks of a frame, with the camera motion since the frame before it."""
-        before = self._stored.get(frame_index - 1, [None] * self._targets)
+        before = self._records.tracks(frame_index - 1)
         return [
             None
-            if stored is None
-            else replace(stored.track(), motion=_inverse(earlier.plain.motion if earlier else None))
-            for stored, earlier in zip(self._stored[frame_index], before, strict=True)
+            if track is None
+            else track.with_changes(motion=_inverse(earlier.motion if earlier else None))
+            for track, earlier in zip(self._records.tracks(frame_index), before, strict=True)
         ]
-
-
-@dataclass(frozen=True)
-class _StoredTrack:
-    """A track whose mask is packed."""
-
-    plain: Track
-    shape: tuple[int, int] = (0, 0)  # height and width of the mask
-    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
-    part_shape: tuple[int, int] = (0, 0)  # of its bounds
-    bits: NDArray[np.uint8] | None = None
-
-    @classmethod
-    def of(cls, track: Track) -> _StoredTrack:
-        mask = track.mask
-        if mask is None:
-            return cls(track)
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
-        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
-        part = mask[top:bottom, left:right]
-        return cls(
-            replace(track, mask=None),
-            (mask.shape[0], mask.shape[1]),
-            (top, left),
-            (bottom - top, right - left),
-            np.packbits(part),
-        )
-
-    def track(self) -> Track:
-        if self.bits is None:
-            return self.plain
-        height, width = self.part_shape
-        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
-        mask = np.zeros(self.shape, dtype=np.bool_)
-        top, left = self.corner
-        mask[top : top + height, left : left + width] = part
-        return replace(self.plain, mask=mask)
 
 
 def _inverse(motion: Motion | None) -> Motion | None:

@@ -8,21 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
+from ssiam.cli.track_video import TrackVideo
+from ssiam.cli.track_views import VideoOptions, Views
 from ssiam.errors import SinkError
-from ssiam.geometry import IDENTITY, Image
+from ssiam.motion import Motion
 from ssiam.outputs import NamedPath, check_output, leftover_parts, numbered_names
-from ssiam.stabilize import FrameView, StabilizerConfig
+from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
-from ssiam.video import (
-    Frame,
-    PathPlot,
-    ResultSink,
-    Source,
-    VideoSink,
-    draw_tracks,
-    open_results,
-    side_by_side,
-)
+from ssiam.video import Frame, PathPlot, ResultSink, Source, open_results
 from ssiam.video.plots import check_plot
 from ssiam.video.results import result_paths
 from ssiam.video.sinks import video_format
@@ -115,9 +108,9 @@ class OutputPaths:
 class Outputs:
     """The video, the results and the plot of one run, each optional; a context manager.
 
-    All of them are opened on construction, so that an unwritable one fails before any work is
-    done. Each is renamed to its final name on exit, also after Ctrl-C. If writing one of them
-    fails, all remain as part files.
+    Results and plot are opened on construction, so that an unwritable one fails before any work is
+    done, and the video by `open_video`. Each is renamed to its final name on exit, also after
+    Ctrl-C. If writing one of them fails, all remain as part files.
 
     Raises
     ------
@@ -127,18 +120,10 @@ class Outputs:
         On construction, writing or exit: an output cannot be written.
     """
 
-    def __init__(
-        self,
-        source: Source,
-        paths: OutputPaths,
-        *,
-        side_by_side: bool,
-        config: StabilizerConfig,
-    ) -> None:
-        self._border = config.border
-        self._side_by_side = side_by_side
-        self._main: int | None = None  # the target that began first, whose view is written
-        self._video: VideoSink | None = None
+    def __init__(self, paths: OutputPaths, config: StabilizerConfig) -> None:
+        self._paths = paths
+        self._main: int | None = None  # the target that began first, whose view is plotted
+        self._video: TrackVideo | None = None
         self._results: ResultSink | None = None
         self._plot: PathPlot | None = None
         overwrite = paths.overwrite
@@ -153,33 +138,41 @@ class Outputs:
                 )
             if paths.plot is not None:
                 self._plot = PathPlot(paths.plot, config.paper.window, overwrite=overwrite)
-            if paths.video is not None:
-                self._video = _video_sink(paths.video, source, overwrite=overwrite)
             stack.pop_all()
+
+    def open_video(self, source: Source, options: VideoOptions, views: Views) -> None:
+        """Open the video, if one is requested; `source` is the one whose frames are written.
+
+        Raises
+        ------
+        SinkError
+            It cannot be written.
+        """
+        if self._paths.video is not None:
+            self._video = TrackVideo(
+                self._paths.video,
+                source,
+                options,
+                views,
+                targets=self._paths.targets,
+                overwrite=self._paths.overwrite,
+            )
 
     def locations(self) -> list[tuple[str, Path]]:
         """Kind and current path of each output, which is a part file before the end."""
-        video, plot = self._video and self._video.location, self._plot and self._plot.location
+        video = self._video and self._video.sink.location
+        plot = self._plot and self._plot.location
         found = [("video", video)] if video else []
         found += [("results", path) for path in (self._results.locations if self._results else ())]
         return found + ([("plot", plot)] if plot else [])
 
     @property
     def notes(self) -> list[str]:
-        """Omitted sound and frames of the video, one line each; complete after the end."""
-        if not self._video:
-            return []
-        no_sound, dropped = self._video.sound_omitted, self._video.dropped_frames
-        lines = [f"video: has no sound: {no_sound}"] if no_sound else []
-        if dropped:
-            lines.append(
-                f"video: {dropped} frames are omitted, because they come faster than the fixed "
-                "rate of an AVI; write .mp4 or .mkv to keep them"
-            )
-        return lines
+        """Notes about the video, one line each; complete after the end."""
+        return self._video.notes if self._video else []
 
-    def write(self, frame: Frame, tracks: Sequence[Track | None], fps: float | None = None) -> None:
-        """Write one frame and the tracks of its targets; None for those that have not begun."""
+    def write(self, frame: Frame, tracks: Sequence[Track | None]) -> None:
+        """Write results and plot of a frame; None is the track of a target that has not begun."""
         if self._main is None:
             begun = (number for number, track in enumerate(tracks) if track is not None)
             self._main = next(begun, None)
@@ -188,8 +181,17 @@ class Outputs:
             self._results.write(frame.index, frame.time, tracks)
         if self._plot and main is not None:
             self._plot.write(main)
+
+    def write_video(
+        self,
+        frame: Frame,
+        tracks: Sequence[Track | None],
+        motion: Motion | None = None,
+        fps: float | None = None,
+    ) -> None:
+        """Write a frame of the video, if it is open; parameters as of `TrackVideo.write`."""
         if self._video:
-            self._video.write(self._annotated(frame.image, tracks, main, fps), frame.time)
+            self._video.write(frame, tracks, motion, fps)
 
     def __enter__(self) -> Outputs:
         return self
@@ -204,40 +206,14 @@ class Outputs:
             self._abandon()
             return
         stack = ExitStack()
-        for sink in (self._results, self._plot, self._video):
+        video = None if self._video is None else self._video.sink
+        for sink in (self._results, self._plot, video):
             if sink is not None:
                 stack.push(sink)
         stack.__exit__(exc_type, exc, traceback)
 
     def _abandon(self) -> None:
-        for sink in (self._video, self._plot, self._results):
+        video = None if self._video is None else self._video.sink
+        for sink in (video, self._plot, self._results):
             if sink is not None:
                 sink.abandon()
-
-    def _annotated(
-        self,
-        image: Image,
-        tracks: Sequence[Track | None],
-        main: Track | None,
-        fps: float | None,
-    ) -> Image:
-        begun = {number: track for number, track in enumerate(tracks, 1) if track is not None}
-        numbers = list(begun) if len(tracks) > 1 else None
-        drawn = draw_tracks(image, list(begun.values()), fps=fps, numbers=numbers)
-        if not self._side_by_side:
-            return drawn
-        stab_from_raw = None if main is None else main.stab_from_raw
-        view = FrameView(drawn, IDENTITY if stab_from_raw is None else stab_from_raw, self._border)
-        return side_by_side(drawn, view.render())
-
-
-def _video_sink(path: Path, source: Source, *, overwrite: bool) -> VideoSink:
-    info = source.info
-    return VideoSink(
-        path,
-        source.fps,
-        overwrite=overwrite,
-        pixel_aspect=info.pixel_aspect,
-        is_variable=info.is_variable,
-        sound=info.sound,
-    )

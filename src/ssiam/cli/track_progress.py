@@ -27,8 +27,8 @@ class RunProgress(Protocol):
         Parameters
         ----------
         done : int
-            Frames written so far. With ``--backward`` each frame counts twice: when it is tracked,
-            and when it is written.
+            Frames written so far. With ``--backward``, or a view that is planned for the whole
+            clip, each frame counts twice: when it is tracked, and when it is written.
         total : int or None
             Expected value of `done` at the end, which may be wrong; None if it is unknown.
         fps : float or None

@@ -7,20 +7,27 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from types import TracebackType
 
 from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
 from ssiam.cli.options import TrackerOptions
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.cli.track_progress import RunProgress
+from ssiam.cli.track_records import TrackRecords
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.errors import ArgumentError, IncompleteError, StreamError
+from ssiam.cli.track_views import ClipViews, LiveViews, RawViews, VideoOptions, ViewMotion, Views
+from ssiam.errors import ArgumentError, IncompleteError, SinkError, StreamError
 from ssiam.geometry import check_box
+from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import TrackerGroup
 from ssiam.video import Frame, RawFormat, Source, open_source, with_following
 from ssiam.video.results import STDOUT
+from ssiam.video.reversing import is_reversible
+
+DEFAULT_VIDEO = VideoOptions()
 
 
 @dataclass(frozen=True)
@@ -52,8 +59,7 @@ class TrackJob:
     config : StabilizerConfig
     span : Span
         The frames that are tracked and written.
-    side_by_side : bool
-        Whether the video shows the stabilized view too.
+    video : VideoOptions
     quiet : bool
         Whether no summary is printed.
     """
@@ -63,8 +69,19 @@ class TrackJob:
     tracker: TrackerOptions
     config: StabilizerConfig
     span: Span = WHOLE_SOURCE
-    side_by_side: bool = False
+    video: VideoOptions = DEFAULT_VIDEO
     quiet: bool = False
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether the video needs the camera motion."""
+        return self.paths.video is not None and self.video.needs_motion
+
+    @property
+    def plans_views(self) -> bool:
+        """Whether the views of the video are planned for the whole clip, which is read again."""
+        is_virtual = self.paths.video is not None and self.video.is_virtual
+        return is_virtual and is_reversible(self.source.spec)
 
     def new_group(self) -> TrackerGroup:
         """A group of the job's tracker without targets; raises as `load_tracker`."""
@@ -96,32 +113,126 @@ def run_track(
         At the end: a target failed on some frames or never began.
     """
     with ExitStack() as stack:
-        frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
+        has_sound = job.paths.video is not None and not job.plans_views
+        frames = stack.enter_context(job.source.open(sound=has_sound))
         selected = selected_frames(frames, job.span, targets)
         first = next(selected)
         for target in targets:
             check_target_box(target, frames.size_wh)
         run = TargetSet(job.new_group(), targets, partial(_has_begun, targets))
         tracks = run.step(first)
-        outputs = Outputs(frames, job.paths, side_by_side=job.side_by_side, config=job.config)
+        outputs = Outputs(job.paths, job.config)
         summary = Summary(frames.name, job.tracker.tracker, job.config.stabilize, len(targets))
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
+        again = stack.enter_context(ExitStack())  # closed after the outputs
         stack.enter_context(outputs)
+        second_pass: SecondPass | None = None
+        if job.plans_views:
+            second_pass = stack.enter_context(SecondPass(job, outputs, again, progress))
+        else:
+            outputs.open_video(frames, job.video, _views(job.video, frames))
         total = _expected_count(frames, job.span, first)
+        passes = 1 if second_pass is None else 2
+        camera = ViewMotion() if job.needs_motion else None
 
-        def write(frame: Frame, tracks: Sequence[Track | None]) -> None:
+        def write(frame: Frame, tracks: Sequence[Track | None], motion: Motion | None) -> None:
             summary.add(frame.index, tracks)
             summary.add_failures(frame.index, run.failures)
-            outputs.write(frame, tracks, summary.timer.fps)
+            outputs.write(frame, tracks)
+            if second_pass is None:
+                outputs.write_video(frame, tracks, motion, summary.timer.fps)
+            else:
+                second_pass.add(frame, tracks, motion)
             for each in progress:
-                each.advance(summary.frames, total, summary.timer.fps)
+                each.advance(summary.frames, total and passes * total, summary.timer.fps)
 
-        write(first, tracks)
+        write(first, tracks, None if camera is None else camera.finish(first, tracks))
         for frame, following in paired_frames(selected, frames.length, job.tracker.threads):
             with summary.timer:
+                if camera is not None:
+                    camera.start(frame)
                 tracks = run.step(frame, following)
-            write(frame, tracks)
+                motion = None if camera is None else camera.finish(frame, tracks)
+            write(frame, tracks, motion)
     check_complete(frames, summary, run.waiting)
+
+
+def _views(options: VideoOptions, frames: Source) -> Views:
+    """The views of a source that is read once."""
+    if not options.is_virtual:
+        return RawViews()
+    return LiveViews(options, frames.size_wh, float(frames.fps))
+
+
+class SecondPass:
+    """Reads the source again and writes the video; a context manager around the first pass.
+
+    The video is written on exit, also after Ctrl-C or if the source breaks off: its frames are
+    those that were tracked. Ctrl-C during the second pass ends the video there.
+
+    Parameters
+    ----------
+    job : TrackJob
+    outputs : Outputs
+        Without a video; it is opened here.
+    stack : ExitStack
+        Closes the source, after the outputs.
+    progress : sequence of RunProgress
+    """
+
+    def __init__(
+        self,
+        job: TrackJob,
+        outputs: Outputs,
+        stack: ExitStack,
+        progress: Sequence[RunProgress],
+    ) -> None:
+        self._job, self._outputs, self._stack, self._progress = job, outputs, stack, progress
+        self._records = TrackRecords(job.paths.targets)
+        self._motions: list[Motion] = []
+        self._first = self._last = 0
+
+    def add(self, frame: Frame, tracks: Sequence[Track | None], motion: Motion | None) -> None:
+        """Record what is known of a frame."""
+        height, width = frame.image.shape[:2]
+        if not self._records:
+            self._first = frame.index
+        self._motions.append(motion or Motion.none((width, height)))
+        self._records.add(frame.index, tracks)
+        self._last = frame.index
+
+    def __enter__(self) -> SecondPass:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        count = len(self._records)
+        if not count or isinstance(exc, SinkError):
+            return
+        if isinstance(exc, KeyboardInterrupt) and not self._job.quiet:
+            print(
+                f"ssiam: interrupted; writes the video of {count} frames (Ctrl-C ends that too)",
+                file=sys.stderr,
+            )
+        self._write(count)
+
+    def _write(self, count: int) -> None:
+        job = self._job
+        frames = self._stack.enter_context(job.source.open(sound=True))
+        views = ClipViews(
+            job.video, frames.size_wh, float(frames.fps), self._first, self._motions[:count]
+        )
+        self._outputs.open_video(frames, job.video, views)
+        span = Span.of_frames(self._first, self._last)
+        for done, frame in enumerate(selected_frames(frames, span, ()), 1):
+            motion = self._motions[frame.index - self._first]
+            self._outputs.write_video(frame, self._records.tracks(frame.index), motion)
+            for each in self._progress:
+                each.advance(count + done, 2 * count, None)
 
 
 def _has_begun(targets: Sequence[PlannedTarget], index: int, frame: Frame) -> bool:

@@ -146,7 +146,7 @@ class Summary:
             raw, stabilized = self._moved / steps
             yield (
                 f"  camera: motion known in {100 * self._reliable / steps:.0f} % of the frames, "
-                f"{raw:.1f} px per frame, {stabilized:.1f} px in the stabilized view"
+                f"{raw:.1f} px per frame; {stabilized:.1f} px in what the tracker sees"
             )
 
     def _target_text(self, number: int, begins: int | None) -> str:

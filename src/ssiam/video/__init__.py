@@ -1,6 +1,6 @@
 """Sources of frames, sinks for results and videos, and drawing."""
 
-from ssiam.video.drawing import COLORS, draw_tracks, side_by_side
+from ssiam.video.drawing import COLORS, Overlay, draw_tracks, side_by_side
 from ssiam.video.frames import Frame, Source, with_following
 from ssiam.video.plots import PathPlot
 from ssiam.video.results import ResultSink, open_results
@@ -10,6 +10,7 @@ from ssiam.video.sources import RawFormat, open_source
 __all__ = [
     "COLORS",
     "Frame",
+    "Overlay",
     "PathPlot",
     "RawFormat",
     "ResultSink",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
@@ -14,6 +14,9 @@ from ssiam.geometry import Image, corners_from_xywh
 from ssiam.track import Track
 
 _Color: TypeAlias = tuple[int, int, int]
+
+Overlay: TypeAlias = Literal["none", "box", "box+score", "trail", "mask"]
+"""What is drawn of a target, see `draw_tracks`."""
 
 # BGR; brightened hues of Okabe and Ito, distinguishable with color blindness.
 COLORS: tuple[_Color, ...] = (
@@ -34,7 +37,7 @@ _SHIFT = 4  # fractional bits of OpenCV's coordinates
 
 _TICKS = 8  # of a ruler, at most
 
-_PANEL_LABELS = ("raw", "stabilized")
+_LOST_SCALE = 2.0  # of the word LOST, relative to other text
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 # Font scale and line width for an image of 720 rows; smaller images get relatively more.
@@ -52,12 +55,14 @@ def draw_tracks(
     fps: float | None = None,
     numbers: Sequence[int] | None = None,
     labels: Sequence[str] | None = None,
+    overlay: Overlay = "box+score",
+    trails: Sequence[ArrayLike] = (),
 ) -> Image:
     """Draw every target into a copy of the frame.
 
     A target gets its box, its rotated box and mask if it has them, and its score. A lost target
-    gets no box, only the word LOST in the lower left corner. Several targets have numbers, from
-    1, and different colors. Lines and letters scale with the frame.
+    gets no box, only the word LOST, large, in the lower left corner. Several targets have numbers,
+    from 1, and different colors. Lines and letters scale with the frame.
 
     Parameters
     ----------
@@ -72,33 +77,52 @@ def draw_tracks(
         `numbers`, a single target has a number too.
     labels : sequence of str, optional
         Label of each box; by default its number and its score.
+    overlay : {"box+score", "box", "trail", "mask", "none"}
+        "box" omits score and mask, "trail" adds the path of each target to its box, "mask" draws
+        nothing but the mask (the box of a target without one), "none" nothing, not even LOST.
+    trails : sequence of (N, 2) array
+        Earlier centers of each target, in pixels of this frame; drawn by "trail".
 
     Returns
     -------
     (H, W, 3) uint8 BGR
     """
     canvas = image.copy()
+    if overlay == "none":
+        return canvas
     style = _TextStyle.for_image(canvas)
     lost = []
     is_numbered = numbers is not None or len(tracks) > 1
     numbered = numbers or range(1, len(tracks) + 1)
     for index, (number, track) in enumerate(zip(numbered, tracks, strict=True)):
         prefix = f"{number} " if is_numbered else ""
+        color = COLORS[(number - 1) % len(COLORS)]
+        if overlay == "trail" and len(trails) > index:
+            _draw_trail(canvas, trails[index], color, style)
         if track.lost:
             lost.append(f"{prefix}LOST")
-        else:
-            label = f"{prefix}{track.score:.2f}" if labels is None else labels[index]
-            _draw_target(canvas, track, label, COLORS[(number - 1) % len(COLORS)], style)
+            continue
+        label = prefix.rstrip()
+        if labels is not None:
+            label = labels[index]
+        elif overlay == "box+score":
+            label = f"{prefix}{track.score:.2f}"
+        _draw_target(canvas, track, label, color, style, overlay)
+    large = style.scaled(_LOST_SCALE)
     for line, text in enumerate(reversed(lost)):
-        style.write(canvas, text, _lower_left(canvas, style, line), _LOST_COLOR)
+        large.write(canvas, text, _lower_left(canvas, large, line), _LOST_COLOR)
     if fps is not None:
         _write_fps(canvas, f"{fps:.1f} fps", style)
     return canvas
 
 
-def _draw_target(canvas: Image, track: Track, label: str, color: _Color, style: _TextStyle) -> None:
-    if track.mask is not None:
+def _draw_target(
+    canvas: Image, track: Track, label: str, color: _Color, style: _TextStyle, overlay: Overlay
+) -> None:
+    if overlay in ("box+score", "mask") and track.mask is not None:
         _tint(canvas, track.mask, color)
+        if overlay == "mask":
+            return
     box = corners_from_xywh(track.box)
     if track.corners is None:
         _outline(canvas, box, color, style.thickness)
@@ -108,7 +132,14 @@ def _draw_target(canvas: Image, track: Track, label: str, color: _Color, style: 
     drawn = box if track.corners is None else np.vstack([box, track.corners])
     left, top = np.clip(drawn.min(axis=0), -_FAR, _FAR)
     bottom = float(np.clip(drawn[:, 1].max(), -_FAR, _FAR))
-    style.write(canvas, label, _label_position(canvas, left, top, bottom, style), color)
+    if label:
+        style.write(canvas, label, _label_position(canvas, left, top, bottom, style), color)
+
+
+def _draw_trail(canvas: Image, trail: ArrayLike, color: _Color, style: _TextStyle) -> None:
+    points = np.asarray(trail, dtype=np.float64).reshape(-1, 2)
+    if len(points) > 1:
+        _outline(canvas, points, color, style.thickness, is_closed=False)
 
 
 def _tint(canvas: Image, mask: NDArray[np.bool_], color: _Color) -> None:
@@ -123,13 +154,19 @@ def _tint(canvas: Image, mask: NDArray[np.bool_], color: _Color) -> None:
 
 
 def _outline(
-    canvas: Image, corners: ArrayLike, color: _Color, thickness: int, *, rim: int = 2
+    canvas: Image,
+    corners: ArrayLike,
+    color: _Color,
+    thickness: int,
+    *,
+    rim: int = 2,
+    is_closed: bool = True,
 ) -> None:
-    """Closed polygon with a dark rim, visible on every background."""
+    """Polygon or line with a dark rim, visible on every background."""
     near = np.clip(np.asarray(corners, dtype=np.float64), -_FAR, _FAR)
     points = np.round(near * (1 << _SHIFT)).astype(np.int32)
     for shade, width in ((_BLACK, thickness + rim), (color, thickness)):
-        cv2.polylines(canvas, [points], True, shade, width, cv2.LINE_AA, _SHIFT)
+        cv2.polylines(canvas, [points], is_closed, shade, width, cv2.LINE_AA, _SHIFT)
 
 
 def _label_position(
@@ -184,8 +221,8 @@ def _tick_step(side: int) -> int:
     return next(step for step in (power, 2 * power, 5 * power, 10 * power) if step * _TICKS >= side)
 
 
-def side_by_side(raw: Image, stabilized: Image) -> Image:
-    """Two panels of the size of `raw`, labeled "raw" and "stabilized".
+def side_by_side(raw: Image, stabilized: Image, name: str = "stabilized") -> Image:
+    """Two panels of the size of `raw`, labeled "raw" and `name`.
 
     Parameters
     ----------
@@ -193,6 +230,8 @@ def side_by_side(raw: Image, stabilized: Image) -> Image:
     stabilized : (h, w, 3) uint8 BGR
         If it has another size it is scaled to fit its panel, with its aspect ratio kept and black
         borders.
+    name : str
+        Label of the second panel.
 
     Returns
     -------
@@ -201,7 +240,7 @@ def side_by_side(raw: Image, stabilized: Image) -> Image:
     """
     size_wh = raw.shape[1], raw.shape[0]
     panels = [raw.copy(), _fitted(stabilized, size_wh)]
-    for panel, label in zip(panels, _PANEL_LABELS, strict=True):
+    for panel, label in zip(panels, ("raw", name), strict=True):
         style = _TextStyle.for_image(panel)
         style.write(panel, label, (style.gap, style.gap + style.line_height), _WHITE)
     return np.hstack(panels)
@@ -238,9 +277,16 @@ class _TextStyle:
         """Sizes that are legible in this image, from 240 rows to 4K."""
         share = min(image.shape[:2]) / _REFERENCE_ROWS
         font_scale = max(_SMALLEST_FONT_SCALE, _FONT_SCALE * share)
-        thickness = max(_SMALLEST_LINE_WIDTH, round(_LINE_WIDTH * share))
+        return cls._of(font_scale, max(_SMALLEST_LINE_WIDTH, round(_LINE_WIDTH * share)))
+
+    @classmethod
+    def _of(cls, font_scale: float, thickness: int) -> _TextStyle:
         (_, height), baseline = cv2.getTextSize("0", _FONT, font_scale, thickness)
         return cls(font_scale, thickness, height + baseline + thickness, 2 + thickness)
+
+    def scaled(self, factor: float) -> _TextStyle:
+        """Text of `factor` times this size."""
+        return self._of(self.font_scale * factor, round(self.thickness * factor))
 
     def width_of(self, text: str) -> int:
         """Width of the text with its outline."""

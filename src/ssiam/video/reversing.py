@@ -156,10 +156,15 @@ class ReversedFrames:
         return open_source(self._spec, raw=self._raw, stream=self._stream, levels=self._levels)
 
 
-def check_reversible(spec: str) -> None:
-    """Raise `SourceError` unless the source is a file or folder, which can be read repeatedly."""
+def is_reversible(spec: str) -> bool:
+    """Whether the source is a file or folder, which can be read repeatedly."""
     path = Path(spec)
-    if is_address(spec) or not (path.is_file() or path.is_dir()) or not spec:
+    return bool(spec) and not is_address(spec) and (path.is_file() or path.is_dir())
+
+
+def check_reversible(spec: str) -> None:
+    """Raise `SourceError` unless the source can be read repeatedly."""
+    if not is_reversible(spec):
         raise SourceError(f"{spec}: cannot be read from its end: save it to a file, and give that")
 
 

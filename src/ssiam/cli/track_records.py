@@ -1,0 +1,75 @@
+"""`TrackRecords`: the tracks of all frames, in little memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.track import Track
+
+
+class TrackRecords:
+    """The tracks of all frames; masks take a bit for each pixel of their bounds.
+
+    Parameters
+    ----------
+    targets : int
+    """
+
+    def __init__(self, targets: int) -> None:
+        self._targets = targets
+        self._stored: dict[int, list[_StoredTrack | None]] = {}
+
+    def __len__(self) -> int:
+        return len(self._stored)
+
+    def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
+        """Store the tracks of a frame; None for targets that have not begun."""
+        stored = [None if track is None else _StoredTrack.of(track) for track in tracks]
+        self._stored[frame_index] = stored
+
+    def tracks(self, frame_index: int) -> list[Track | None]:
+        """The tracks of a frame; all None for a frame that was not added."""
+        stored = self._stored.get(frame_index, [None] * self._targets)
+        return [None if each is None else each.track() for each in stored]
+
+
+@dataclass(frozen=True)
+class _StoredTrack:
+    """A track whose mask is packed."""
+
+    plain: Track
+    shape: tuple[int, int] = (0, 0)  # height and width of the mask
+    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
+    part_shape: tuple[int, int] = (0, 0)  # of its bounds
+    bits: NDArray[np.uint8] | None = None
+
+    @classmethod
+    def of(cls, track: Track) -> _StoredTrack:
+        mask = track.mask
+        if mask is None:
+            return cls(track)
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
+        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
+        part = mask[top:bottom, left:right]
+        return cls(
+            replace(track, mask=None),
+            (mask.shape[0], mask.shape[1]),
+            (top, left),
+            (bottom - top, right - left),
+            np.packbits(part),
+        )
+
+    def track(self) -> Track:
+        if self.bits is None:
+            return self.plain
+        height, width = self.part_shape
+        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
+        mask = np.zeros(self.shape, dtype=np.bool_)
+        top, left = self.corner
+        mask[top : top + height, left : left + width] = part
+        return replace(self.plain, mask=mask)

@@ -1,0 +1,169 @@
+"""`CameraView`: what a virtual camera shows of a frame; `Renderer` makes its image."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.errors import check_choice
+from ssiam.geometry import IDENTITY, Image, Transform, corners_from_xywh, map_points
+from ssiam.motion import Motion
+
+Border: TypeAlias = Literal["black", "mirror", "fill"]
+BORDERS: Final[tuple[Border, ...]] = get_args(Border)
+
+# Frames from which "fill" takes the missing pixels: 6 of the last second and a half at 30 fps.
+_NEIGHBORS: Final = 6
+_NEIGHBOR_STEP: Final = 8  # frames between them
+_TOLERANCE: Final = 0.05  # px of border that nobody sees
+_EDGE: Final = 2  # px at a frame's edge that are not used: the interpolation mixes them with black
+
+
+@dataclass(frozen=True, eq=False)
+class CameraView:
+    """What a virtual camera shows of a frame.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    out_from_raw : (3, 3) float64
+        Maps raw-frame pixels to pixels of the written image.
+    size_wh : (int, int)
+        Width and height of the written image, pixels.
+    """
+
+    out_from_raw: Transform
+    size_wh: tuple[int, int]
+
+    @classmethod
+    def raw(cls, size_wh: tuple[int, int]) -> CameraView:
+        """The raw frame, of (width, height) pixels."""
+        return cls(IDENTITY, size_wh)
+
+    def is_filled_by(self, raw_wh: tuple[int, int]) -> bool:
+        """Whether a frame of (width, height) pixels covers the whole image."""
+        inner = (-0.5, -0.5, *self.size_wh)
+        raw_from_out = np.asarray(np.linalg.inv(self.out_from_raw), dtype=np.float64)
+        raw = map_points(raw_from_out, corners_from_xywh(inner))
+        low, high = np.full(2, -0.5), np.array(raw_wh) - 0.5
+        return bool((raw >= low - _TOLERANCE).all() and (raw <= high + _TOLERANCE).all())
+
+
+class Renderer:
+    """Makes the images of a virtual camera, in the order of the frames.
+
+    Threads: one thread at a time.
+
+    Parameters
+    ----------
+    border : {"black", "mirror", "fill"}
+        What is shown beyond the edges of the raw frame: black, its mirror image, or what earlier
+        frames showed there (of the last 48 frames; the mirror image where none did).
+
+    Raises
+    ------
+    ArgumentError
+        `border` is none of these.
+    """
+
+    def __init__(self, border: Border = "mirror") -> None:
+        self._border = check_choice("border", border, BORDERS)
+        self._neighbors: deque[_Neighbor] = deque(maxlen=_NEIGHBORS)
+        self._count = 0
+
+    def render(self, raw: Image, view: CameraView, motion: Motion | None = None) -> Image:
+        """The image of `view` (h, w, 3) uint8 BGR; one warp of the raw frame.
+
+        A view of the raw frame is the frame itself, not a copy.
+
+        Parameters
+        ----------
+        raw : (H, W, 3) uint8 BGR
+            Must not be written to later if the border is "fill".
+        view : CameraView
+        motion : Motion, optional
+            Camera motion to this frame, for "fill". Without it, or if it is not reliable, the
+            earlier frames are forgotten.
+        """
+        raw_wh = raw.shape[1], raw.shape[0]
+        if view.size_wh == raw_wh and np.array_equal(view.out_from_raw, IDENTITY):
+            image = raw
+        else:
+            mode = cv2.BORDER_CONSTANT if self._border == "black" else cv2.BORDER_REFLECT_101
+            image = _warp(raw, view.out_from_raw, view.size_wh, mode)
+        if self._border == "fill":
+            self._advance(motion)
+            if not view.is_filled_by(raw_wh):
+                self._fill(image, raw_wh, view)
+            if self._count % _NEIGHBOR_STEP == 0:
+                self._neighbors.appendleft(_Neighbor(raw, IDENTITY))
+            self._count += 1
+        return image
+
+    def _advance(self, motion: Motion | None) -> None:
+        """Relate the neighbors to the frame that `motion` reaches."""
+        if motion is None or not motion.reliable:
+            self._neighbors.clear()
+            self._count = 0
+            return
+        for neighbor in self._neighbors:
+            neighbor.cur_from_raw = motion.cur_from_prev @ neighbor.cur_from_raw
+
+    def _fill(self, image: Image, raw_wh: tuple[int, int], view: CameraView) -> None:
+        """Fill the pixels that the frame does not cover from its neighbors, the latest first."""
+        missing = ~_covered(raw_wh, view.out_from_raw, view.size_wh)
+        for neighbor in self._neighbors:
+            if not missing.any():
+                return
+            out_from_neighbor = view.out_from_raw @ neighbor.cur_from_raw
+            found = missing & _covered(raw_wh, out_from_neighbor, view.size_wh)
+            rows, columns = np.flatnonzero(found.any(axis=1)), np.flatnonzero(found.any(axis=0))
+            if not rows.size:
+                continue
+            top, bottom = int(rows[0]), int(rows[-1]) + 1
+            left, right = int(columns[0]), int(columns[-1]) + 1
+            out_from_neighbor[:2] -= np.outer((left, top), out_from_neighbor[2])
+            part_wh = right - left, bottom - top
+            part = _warp(neighbor.raw, out_from_neighbor, part_wh, cv2.BORDER_REFLECT_101)
+            chosen = found[top:bottom, left:right]
+            image[top:bottom, left:right][chosen] = part[chosen]
+            missing &= ~found
+
+
+@dataclass
+class _Neighbor:
+    """An earlier frame, and the transform from its pixels to those of the current frame."""
+
+    raw: Image
+    cur_from_raw: Transform
+
+
+def _warp(raw: Image, out_from_raw: Transform, size_wh: tuple[int, int], border: int) -> Image:
+    """Pixel p of the result is the raw frame at the inverse of `out_from_raw`."""
+    if np.array_equal(out_from_raw[2], IDENTITY[2]):
+        warped = cv2.warpAffine(
+            raw, out_from_raw[:2], size_wh, flags=cv2.INTER_LINEAR, borderMode=border
+        )
+    else:
+        warped = cv2.warpPerspective(
+            raw, out_from_raw, size_wh, flags=cv2.INTER_LINEAR, borderMode=border
+        )
+    return np.asarray(warped, dtype=np.uint8)
+
+
+def _covered(
+    raw_wh: tuple[int, int], out_from_raw: Transform, size_wh: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """Which pixels (h, w) of the image the inside of a frame covers."""
+    width, height = raw_wh
+    inside = corners_from_xywh((_EDGE, _EDGE, width - 1 - 2 * _EDGE, height - 1 - 2 * _EDGE))
+    mask = np.zeros((size_wh[1], size_wh[0]), dtype=np.uint8)
+    corners = np.rint(map_points(out_from_raw, inside)).astype(np.int32)
+    cv2.fillConvexPoly(mask, corners, 1)
+    return mask.view(np.bool_)
