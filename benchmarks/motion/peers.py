@@ -94,7 +94,7 @@ class Worker:
         self.name = name
         family = name.split("-")[0]
         is_peer = family in REQUIREMENTS
-        self._python = _environment(family, environments) if is_peer else Path(sys.executable)
+        self._python = environment(family, environments) if is_peer else Path(sys.executable)
         self._process = self._started()
         self.versions: dict[str, str] = self._answer()["versions"]
 
@@ -146,7 +146,7 @@ class Worker:
         return answer
 
 
-def _environment(family: str, folder: Path) -> Path:
+def environment(family: str, folder: Path) -> Path:
     """Interpreter of a peer's virtual environment, which is created unless it is complete."""
     home = folder / family
     python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")

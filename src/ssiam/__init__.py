@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ssiam import errors as errors
     from ssiam import exchange as exchange
     from ssiam import geometry as geometry
+    from ssiam import render as render
     from ssiam import video as video
     from ssiam import web as web
     from ssiam.errors import (
@@ -76,8 +77,8 @@ _MODULES = {
     "load_tracker": "trackers",
 }
 _SUBPACKAGES = {
-    *("datasets", "errors", "exchange", "geometry", "motion", "stabilize"),
-    *("track", "trackers", "video", "web"),
+    *("datasets", "errors", "exchange", "geometry", "motion", "render"),
+    *("stabilize", "track", "trackers", "video", "web"),
 }
 
 

@@ -46,11 +46,16 @@ def test_long_path_keeps_its_precision():
     )
 
 
-def test_unreliable_motion_leaves_the_pose():
+def test_unreliable_motions_are_interpolated():
     wild = Motion(rigid(900.0, 0, 1.0), 0.0, False, SIZE)
-    pan = Motion.from_transform(rigid(-5.0, 0, 0), SIZE)
-    xs = ScenePath([wild, pan, wild, pan], SIZE).poses[:, 0] - frame_center(SIZE)[0]
-    assert xs == pytest.approx([0, 5, 5, 10])
+    slow, fast = (Motion.from_transform(rigid(-dx, 0, 0), SIZE) for dx in (4.0, 8.0))
+    poses = ScenePath([wild, wild, slow, wild, fast, wild], SIZE).poses
+    assert poses[:, 0] - frame_center(SIZE)[0] == pytest.approx([0, 4, 8, 14, 22, 30])
+    assert poses[:, 1:] == pytest.approx(np.tile([frame_center(SIZE)[1], 0, 0], (6, 1)))
+
+
+def test_path_of_unknown_motions_stays():
+    assert ScenePath([Motion.none(SIZE)] * 4, SIZE).poses.std(axis=0) == pytest.approx([0] * 4)
 
 
 def test_path_without_frames():

@@ -19,8 +19,9 @@ class ScenePath:
     """The poses of a camera in the scene: the pixels of its first frame.
 
     A motion is reduced to a similarity at the frame center. The shift, the angle and the zoom are
-    added up, not the matrices, so precision does not depend on the length of the clip. A motion
-    that is not reliable leaves the pose as it was.
+    added up, not the matrices, so precision does not depend on the length of the clip. Motions
+    that are not reliable are interpolated between the reliable ones before and after them: the
+    camera of a blurred frame usually moves on.
 
     Threads: a value; any number of threads may share it.
 
@@ -40,9 +41,7 @@ class ScenePath:
 
     def __init__(self, motions: Sequence[Motion], size_wh: tuple[int, int]) -> None:
         self.size_wh = size_wh
-        steps = np.zeros((len(motions), 4))
-        for step, motion in zip(steps[1:], motions[1:], strict=True):
-            step[:] = camera_step(motion)
+        steps = _interpolated_steps(motions)
         self.poses = np.zeros_like(steps)
         self.poses[:, 2:] = np.cumsum(steps[:, 2:], axis=0)
         before = np.vstack([np.zeros((1, 2)), self.poses[:-1, 2:]])[: len(steps)]
@@ -59,13 +58,20 @@ class ScenePath:
         return scene_from_view(self.poses, self.size_wh)
 
 
-def camera_step(motion: Motion) -> tuple[float, float, float, float]:
-    """How the camera moved: shift (pixels of the earlier frame), angle and log zoom.
+def _interpolated_steps(motions: Sequence[Motion]) -> NDArray[np.float64]:
+    """Steps (N, 4) of the camera to each frame; that to the first one is 0."""
+    steps = np.zeros((len(motions), 4))
+    known = [index for index, motion in enumerate(motions) if index and motion.reliable]
+    if not known:
+        return steps
+    steps[known] = [_camera_step(motions[index]) for index in known]
+    for column in steps.T:
+        column[1:] = np.interp(np.arange(1, len(motions)), known, column[known])
+    return steps
 
-    All of them are 0 if the motion is not reliable.
-    """
-    if not motion.reliable:
-        return 0.0, 0.0, 0.0, 0.0
+
+def _camera_step(motion: Motion) -> tuple[float, float, float, float]:
+    """How the camera moved: shift (pixels of the earlier frame), angle and log zoom."""
     prev_from_cur = np.asarray(np.linalg.inv(motion.cur_from_prev), dtype=np.float64)
     center = frame_center(motion.size_wh)
     dx, dy, angle = rigid_parameters(prev_from_cur, center)

@@ -16,8 +16,9 @@ from ssiam.render.path import Poses, ScenePath, held_from_moved, scene_from_view
 from ssiam.render.view import CameraView
 
 SMOOTHING: Final = 1.0  # s; standard deviation of the Gaussian that smooths about as much
-# A Gaussian of standard deviation s halves the amplitude at 1.1774 / s, in radians.
-_HALF_AMPLITUDE: Final = 1.1774
+# 1 / (1 + (w s / 1.1685)^4) leaves as much speed of a white shake as a Gaussian of standard
+# deviation s does: (sqrt(pi) / 4 / (pi / 8 / sqrt(2)))^(1 / 3).
+_CORNER: Final = 1.1685
 _PADDING: Final = 3  # standard deviations by which a path is continued at both ends
 # Rounds of the search for the smoothest path within the crop, and the weights of the crop in the
 # first and the last one. In trials, 300 rounds changed the shake by less than 5 %.
@@ -26,11 +27,12 @@ _FIRST_WEIGHT: Final = 1.0
 _LAST_WEIGHT: Final = 1e5
 _FINAL_ROUNDS: Final = 3  # of shrinking corrections: the crop is not exactly proportional to them
 
-# Time constant, s, of the live camera: how long it takes to follow the camera.
-_LIVE_SMOOTHING: Final = 0.5
+# Of the live camera; the best of trials on three shaking clips and a pan that starts and stops.
+_LIVE_SMOOTHING: Final = 3.0  # s that it takes to follow the camera
+_LIVE_CATCHING_UP: Final = 0.4  # s in which it reaches the camera's speed at the end of the crop
+_LIVE_SOFT: Final = 0.8  # share of the crop from which it follows faster
 _LIVE_CROP: Final = 0.10  # share of width and height that is cropped without a given share
-# Share of the budget from which the live camera follows faster, so that it does not stop at once.
-_LIVE_SOFT: Final = 0.5
+_LIVE_ROUNDS: Final = 3  # of shrinking a correction: the crop is not exactly proportional to it
 
 
 def stabilized_views(
@@ -123,12 +125,12 @@ class _Smoother:
     count : int
         Number of poses.
     sigma : float
-        Frames; the amplitude is halved where a Gaussian of this standard deviation halves it.
+        Frames; a white shake becomes as slow as by a Gaussian of this standard deviation.
     """
 
     def __init__(self, count: int, sigma: float) -> None:
         angles = np.arange(count + 1) * np.pi / count
-        self._penalty = (sigma / _HALF_AMPLITUDE) ** 4 * (2 - 2 * np.cos(angles)) ** 2
+        self._penalty = (sigma / _CORNER) ** 4 * (2 - 2 * np.cos(angles)) ** 2
 
     def nearest(self, target: Poses, other: Poses | None = None, weight: float = 0.0) -> Poses:
         """Smooth poses near `target` and, with `weight`, near `other`."""
@@ -185,6 +187,7 @@ class StabilizedCamera:
         self._budget = _LIVE_CROP if crop.share is None else crop.budget
         self._size_wh = size_wh
         self._memory = math.exp(-1 / max(smoothing * fps, 1e-6))
+        self._catch_up = -math.expm1(-1 / (_LIVE_CATCHING_UP * fps))
         self._state = _LiveState(IDENTITY, np.zeros(4))
 
     def update(self, motion: Motion) -> CameraView:
@@ -220,11 +223,15 @@ class StabilizedCamera:
         left = _camera_pose(moved_from_raw, self._size_wh)
         speed = state.speed + (1 - memory) ** 2 * left
         view_from_raw = self._moved(moved_from_raw, (1 - memory**2) * left)
-        excess = self._excess(view_from_raw)
-        if excess > 0:
+        for _ in range(_LIVE_ROUNDS):
+            excess = self._excess(view_from_raw)
+            if excess <= 0:
+                break
             pulled = _camera_pose(view_from_raw, self._size_wh)
             view_from_raw = self._moved(view_from_raw, excess * pulled)
-            speed = speed + excess * (1 - memory) * pulled
+            speed = speed + excess * self._catch_up * pulled
+            if float(needed_crop(view_from_raw, self._size_wh)) <= self._budget:
+                break
         self._state = _LiveState(view_from_raw, speed)
 
     def _excess(self, view_from_raw: Transform) -> float:

@@ -188,7 +188,9 @@ class StabilizerConfig:
     Parameters
     ----------
     stabilize : {"predict", "paper", "literal", "off"}
-        "predict" moves the frame so that the target appears where the tracker last saw it; "paper"
+        What the tracker sees; a written video is moved by a virtual camera instead
+        (`ssiam.render`). "predict" moves the frame so that the target appears where the tracker
+        last saw it, whether or not the image is still then; "paper"
         moves it onto the smoothed camera path; "literal" is eq. 5 as printed, which adds one
         frame's shake again (for ablation); "off" does not move frames.
     keypoints : {"direct", "orb", "gftt", "harris", "brisk", "mser"}, optional

@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import Any, Final
 
 from ssiam.geometry import IDENTITY, Transform
-from ssiam.stabilize import Stabilizer, StabilizerConfig
+from ssiam.render import StabilizedCamera
+from ssiam.stabilize import StabilizerConfig
 from ssiam.video import Frame
 from ssiam.web.feeds.base import Arrival, Feed
 from ssiam.web.history import StepHistory
@@ -34,6 +35,7 @@ from ssiam.web.types import (
 )
 
 _RATE_STEPS: Final = 30  # steps over which the rate is averaged
+_USUAL_FPS: Final = 30.0  # of a source that states no rate, for the virtual camera
 
 
 class Engine:
@@ -62,7 +64,7 @@ class Engine:
     ) -> None:
         self._feed, self._targets, self._recordings = feed, targets, recordings
         self._errors, self._notify = errors, notify
-        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+        self._camera: StabilizedCamera | None = None
         self._history = StepHistory()
         self._done_times: deque[float] = deque(maxlen=_RATE_STEPS)
         self._is_paused = feed.paused
@@ -156,7 +158,6 @@ class Engine:
 
     def _stabilize(self, config: StabilizerConfig) -> None:
         self._targets.switch(config, self._newest_step().frame)
-        self._stabilizer = Stabilizer(StabilizerConfig("paper"))
 
     def _pause(self, paused: bool) -> None:
         self._is_paused = paused
@@ -190,14 +191,16 @@ class Engine:
             self._change_size(size_wh)
         if self._is_start:
             self._history.clear()
-            self._stabilizer = Stabilizer(StabilizerConfig("paper"))
+            self._camera = StabilizedCamera(size_wh, self._feed.fps or _USUAL_FPS)
             # If this fails, the next frame starts the sequence.
             self._targets.begin(frame, self._first_index)
             self._is_start = False
         else:
             self._targets.update(frame)
         motion = self._targets.motion
-        return IDENTITY if motion is None else self._stabilizer.update(motion)
+        if motion is None or self._camera is None:
+            return IDENTITY
+        return self._camera.update(motion).out_from_raw
 
     def _change_size(self, size_wh: tuple[int, int]) -> None:
         """Start a new sequence with frames of this size; targets of the old size are removed."""

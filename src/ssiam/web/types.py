@@ -230,8 +230,8 @@ class Step:
     motion : Motion or None
         Camera motion since the previous frame; None with ``stabilize="off"``.
     stab_from_raw : (3, 3) float64
-        Transform to the stabilized view that people see: the paper's (eq. 7), whichever method
-        the trackers use.
+        Transform to the stabilized view that people see: a virtual camera without delay
+        (`ssiam.render`), whichever method the trackers use; the identity with ``"off"``.
     stabilize : str
         Method of the trackers.
     arrived, done : float

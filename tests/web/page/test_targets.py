@@ -92,9 +92,12 @@ def test_a_box_in_the_stabilized_view_is_mapped_to_the_raw_frame(visitor, truth)
     (a, b, c), (d, e, f) = step["stab_from_raw"]
     x, y, w, h = truth["stander"][step["index"]]
     assert abs(c) + abs(f) > 1, "the stabilized view equals the raw one"
-    x, y = (
-        a * (x + w / 2) + b * (y + h / 2) + c - w / 2,
-        d * (x + w / 2) + e * (y + h / 2) + f - h / 2,
+    zoom = (a * e - b * d) ** 0.5
+    x, y, w, h = (
+        a * (x + w / 2) + b * (y + h / 2) + c - w * zoom / 2,
+        d * (x + w / 2) + e * (y + h / 2) + f - h * zoom / 2,
+        w * zoom,
+        h * zoom,
     )
     target = visitor.draw_target((x, y, w, h), "steadied")
     assert target["box"] == pytest.approx(truth["stander"][step["index"]], abs=1.5)

@@ -28,10 +28,12 @@ export function boxBetween([x0, y0], [x1, y1]) {
   return [Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0)];
 }
 
-/** The box with its center mapped by the transform; the size is kept. */
+/** The box with its center mapped by the transform, and its sides scaled by the zoom. */
 export function mapBox(transform, [x, y, w, h]) {
   const [cx, cy] = mapPoint(transform, [x + w / 2, y + h / 2]);
-  return [cx - w / 2, cy - h / 2, w, h];
+  const [[a, b], [d, e]] = transform;
+  const zoom = Math.sqrt(Math.abs(a * e - b * d));
+  return [cx - w * zoom / 2, cy - h * zoom / 2, w * zoom, h * zoom];
 }
 
 export function contains([x, y, w, h], [px, py]) {

@@ -1,0 +1,1 @@
+"""The stabilized view against the stabilizers of ffmpeg and vidstab."""
