@@ -13,7 +13,7 @@ import ssiam
 from ssiam.motion import KEYPOINTS, PrefetchingCameraMotion
 from ssiam.video import VideoSink, open_results, open_source
 
-NAMES = "motion stabilize runtime networks trackers video exchange datasets training web"
+NAMES = "motion stabilize runtime networks trackers video render exchange datasets training web"
 PACKAGES = ["ssiam", *(f"ssiam.{name}" for name in NAMES.split())]
 BOX = (53.2, 114.1, 26.5, 66.4)
 COPIES = [copy.copy, copy.deepcopy]

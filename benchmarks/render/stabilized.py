@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import ssiam
-from benchmarks.common.data import VIDEOS, sequences
+from benchmarks.common.data import EXAMPLES, VIDEOS, sequences
 from benchmarks.common.tables import head, line
 from benchmarks.motion.peers import EstimatorFailed, environment
 from ssiam.datasets.shake import Shake, shaken
@@ -296,7 +296,7 @@ def _similarity(first: Image, second: Image, mask: Image | None = None) -> NDArr
 def main() -> None:
     """Print one table for each clip."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    videos = ["handheld.mp4", "shaky-5.avi", *_SHAKES]
+    videos = [str(EXAMPLES / "shaky-walker.mp4"), "handheld.mp4", "shaky-5.avi", *_SHAKES]
     parser.add_argument("clips", nargs="*", default=videos, metavar="CLIP")
     parser.add_argument("--frames", type=int, default=240, help="at most so many of each clip")
     parser.add_argument("--environments", type=Path, default=Path("build/peers"))

@@ -1,5 +1,7 @@
 """Stabilized views: planned for a whole clip, and without delay."""
 
+import copy
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -133,6 +135,18 @@ def test_live_camera_refuses_other_frames():
     camera = StabilizedCamera(SIZE, FPS)
     with pytest.raises(FrameSizeError, match="640x360"):
         camera.update(Motion.none((320, 240), reliable=True))
+
+
+def test_live_camera_and_its_copy_are_independent():
+    motions = shaken_motions(count=40)
+    camera = StabilizedCamera(SIZE, FPS)
+    for motion in motions[:20]:
+        camera.update(motion)
+    twin = copy.copy(camera)
+    pickled = pickle.loads(pickle.dumps(camera))
+    expected = [camera.update(motion).out_from_raw.tolist() for motion in motions[20:]]
+    for other in (twin, pickled):
+        assert [other.update(motion).out_from_raw.tolist() for motion in motions[20:]] == expected
 
 
 def test_live_camera_needs_no_later_frames():

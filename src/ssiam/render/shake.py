@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from ssiam.copying import DeepCopied
 from ssiam.geometry import Transform, frame_center, map_point
 
 _WINDOW: Final = 1.0  # s over which a motion counts as intended
 
 
-class ShakeMeter:
+class ShakeMeter(DeepCopied):
     """Measures shake: the motion from frame to frame without its mean over a second.
 
     A steady pan is no shake. Memory does not grow with the stream.

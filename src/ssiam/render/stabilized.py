@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from ssiam.copying import DeepCopied
 from ssiam.errors import FrameSizeError
 from ssiam.geometry import IDENTITY, Transform, frame_center, local_zoom, rigid_parameters
 from ssiam.motion import Motion
@@ -150,13 +151,13 @@ class _LiveState:
     speed: Poses  # (4,): motion of the virtual camera per frame, in its own pixels
 
 
-class StabilizedCamera:
+class StabilizedCamera(DeepCopied):
     """A virtual camera that follows the camera smoothly, one frame at a time, without delay.
 
     It moves at the camera's mean velocity, so that it does not lag behind a steady pan, and faster
     the more crop the correction needs.
 
-    Threads: one thread at a time.
+    Threads: one thread at a time for each object; several objects are independent.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.copying import DeepCopied
 from ssiam.errors import check_choice
 from ssiam.geometry import IDENTITY, Image, Transform, corners_from_xywh, map_points
 from ssiam.motion import Motion
@@ -55,7 +56,7 @@ class CameraView:
         return bool((raw >= low - _TOLERANCE).all() and (raw <= high + _TOLERANCE).all())
 
 
-class Renderer:
+class Renderer(DeepCopied):
     """Makes the images of a virtual camera, in the order of the frames.
 
     Threads: one thread at a time.
