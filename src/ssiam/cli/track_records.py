@@ -17,10 +17,13 @@ class TrackRecords:
     Parameters
     ----------
     targets : int
+    has_outlines : bool
+        Whether masks and rotated boxes are kept. They are not computed otherwise.
     """
 
-    def __init__(self, targets: int) -> None:
+    def __init__(self, targets: int, *, has_outlines: bool = True) -> None:
         self._targets = targets
+        self._has_outlines = has_outlines
         self._stored: dict[int, list[_StoredTrack | None]] = {}
 
     def __len__(self) -> int:
@@ -28,8 +31,14 @@ class TrackRecords:
 
     def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
         """Store the tracks of a frame; None for targets that have not begun."""
-        stored = [None if track is None else _StoredTrack.of(track) for track in tracks]
-        self._stored[frame_index] = stored
+        self._stored[frame_index] = [
+            None if track is None else self._stored_track(track) for track in tracks
+        ]
+
+    def _stored_track(self, track: Track) -> _StoredTrack:
+        if not self._has_outlines:
+            return _StoredTrack(track.with_changes(corners=None, mask=None))
+        return _StoredTrack.of(track)
 
     def tracks(self, frame_index: int) -> list[Track | None]:
         """The tracks of a frame; all None for a frame that was not added."""

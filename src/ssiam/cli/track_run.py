@@ -188,7 +188,8 @@ class SecondPass:
         progress: Sequence[RunProgress],
     ) -> None:
         self._job, self._outputs, self._stack, self._progress = job, outputs, stack, progress
-        self._records = TrackRecords(job.paths.targets)
+        has_outlines = job.video.overlay != "none"
+        self._records = TrackRecords(job.paths.targets, has_outlines=has_outlines)
         self._motions: list[Motion] = []
         self._first = self._last = 0
 

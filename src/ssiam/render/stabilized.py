@@ -29,7 +29,7 @@ _LAST_WEIGHT: Final = 1e5
 _FINAL_ROUNDS: Final = 3  # of shrinking corrections: the crop is not exactly proportional to them
 
 # Of the live camera; the best of trials on three shaking clips and a pan that starts and stops.
-_LIVE_SMOOTHING: Final = 3.0  # s that it takes to follow the camera
+_LIVE_SMOOTHING: Final = 5.0  # s that it takes to follow the camera
 _LIVE_CATCHING_UP: Final = 0.4  # s in which it reaches the camera's speed at the end of the crop
 _LIVE_SOFT: Final = 0.8  # share of the crop from which it follows faster
 _LIVE_CROP: Final = 0.10  # share of width and height that is cropped without a given share
