@@ -1,0 +1,1 @@
+"""Virtual cameras: views of the frames, computed from recorded motions and boxes."""
