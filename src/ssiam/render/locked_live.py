@@ -158,7 +158,7 @@ class LockedCamera:
         """Largest width of a view with room for the shake and the target at its position."""
         still_wh = self._scene.still_wh(self._frame_wh)
         position = np.array(self._config.position_xy)
-        from_low = scene_xy - self._scene.still_xy + still_wh / 2
+        from_low = scene_xy - self._scene.still.xy + still_wh / 2
         sides = np.array([1, 1 / self._aspect])
         low, high = from_low / (position * sides), (still_wh - from_low) / ((1 - position) * sides)
         return float(min(low.min(), high.min()))
@@ -204,7 +204,7 @@ class LockedCamera:
 
     def _within(self, scene_xy: Floats) -> Floats:
         """The nearest center of a view that has room for the shake."""
-        still_wh, still_xy = self._scene.still_wh(self._frame_wh), self._scene.still_xy
+        still_wh, still_xy = self._scene.still_wh(self._frame_wh), self._scene.still.xy
         room = np.maximum(still_wh - self._view_wh(), 0) / 2
         return np.clip(scene_xy, still_xy - room, still_xy + room)
 
@@ -245,7 +245,7 @@ class _Scene:
         self._origin_xy = center_xy.copy()
         self._keep = math.exp(-1 / (_LEVEL * rate))
         self._follow = 1 - math.exp(-1 / (_SHAKING * rate))
-        self._still = _FilteredPath(center_xy, math.exp(-1 / (_STILL * rate)))
+        self.still = _FilteredPath(center_xy, math.exp(-1 / (_STILL * rate)))
         self._shake = np.full(2, (_FIRST_SHAKE * 2 * center_xy[0]) ** 2)  # variance
         self.roll = self.log_zoom = 0.0
         self.scene_from_raw = np.eye(3)
@@ -259,18 +259,12 @@ class _Scene:
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
         turned = np.array([[cos, sin], [-sin, cos]])
         self._origin_xy = self._origin_xy - turned @ (dx, dy)
-        self._still.update(self._origin_xy)
-        away = self._origin_xy - self._still.xy
+        self.still.update(self._origin_xy)
+        away = self._origin_xy - self.still.xy
         self._shake = self._shake + self._follow * (away**2 - self._shake)
         self.scene_from_raw = np.eye(3)
         self.scene_from_raw[:2, :2] = turned
         self.scene_from_raw[:2, 2] = self._origin_xy - turned @ self._center_xy
-
-    @property
-    def still_xy(self) -> Floats:
-        """Center of the frame in scene coordinates, without the shake."""
-        still_xy: Floats = self._still.xy
-        return still_xy
 
     def to_scene(self, raw_xy: Floats) -> Floats:
         """A point of the frame in scene coordinates."""
@@ -283,4 +277,4 @@ class _Scene:
 
     def still_wh(self, frame_wh: tuple[int, int]) -> Floats:
         """Width and height of the part of the scene that stays in the shaking frame."""
-        return np.maximum(np.array(frame_wh) - 2 * _SHAKE * np.sqrt(self._shake), 0)
+        return np.asarray(np.maximum(np.array(frame_wh) - 2 * _SHAKE * np.sqrt(self._shake), 0))
