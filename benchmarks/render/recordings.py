@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from ssiam.motion import Motion
 from ssiam.video import open_source
 
 ANNOTATIONS = Path(__file__).with_name("boxes.csv")
+FOLDERS = {"sequences": SEQUENCES, "reserve": RESERVE}
 SMOOTHING = 30  # frames: the default smoothing_window of vidstab
 RATE = 30.0  # frames per second
 
@@ -150,23 +151,18 @@ def video_clip(name: str) -> Clip:
     return Clip(name, frames[first:], truth[first:], None)
 
 
-def recorded(clip: Clip, path: Path, environments: Path) -> Recording:
-    """The recording of a clip, read from `path` if it exists, else made and written there."""
-    if path.exists():
-        with np.load(path) as arrays:
-            return Recording(**{field.name: arrays[field.name] for field in fields(Recording)})
-    recording = _record(clip, environments)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(path, **{field.name: getattr(recording, field.name) for field in fields(Recording)})
-    return recording
+def recorded(make: Callable[[], Clip], path: Path, environments: Path) -> Recording:
+    """The recording in `path`; if there is none, that of the clip that `make` returns, kept there.
 
-
-def read(path: Path) -> Recording | None:
-    """A recording that was made before."""
+    `environments` is the folder of the virtual environments of the peers.
+    """
+    names = [field.name for field in fields(Recording)]
     if not path.exists():
-        return None
+        recording = _record(make(), environments)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **{name: getattr(recording, name) for name in names})
     with np.load(path) as arrays:
-        return Recording(**{field.name: arrays[field.name] for field in fields(Recording)})
+        return Recording(**{name: arrays[name] for name in names})
 
 
 def _record(clip: Clip, environments: Path) -> Recording:
@@ -234,6 +230,3 @@ def _vidstab(frames: list[Image], environments: Path) -> Transform:
 def _at_origin(dx: float, dy: float, angle: float) -> Transform:
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, -sin, dx], [sin, cos, dy], [0, 0, 1]])
-
-
-FOLDERS = {"sequences": SEQUENCES, "reserve": RESERVE}
