@@ -9,9 +9,11 @@ from helpers.locked_clip import COUNT, SIZE_WH, LockedClip, outside, widths
 from ssiam.datasets import Shake
 from ssiam.datasets.shake import camera_path
 from ssiam.errors import ArgumentError
-from ssiam.geometry import map_box
+from ssiam.geometry import map_box, rigid
+from ssiam.motion import Motion
 from ssiam.render.locked import locked_views
 from ssiam.render.locked_config import ASPECTS, POSITIONS, LockedConfig
+from ssiam.render.locked_live import LockedCamera
 
 
 @pytest.mark.parametrize("aspect", ASPECTS)
@@ -128,6 +130,40 @@ def test_one_frame_and_two_frames() -> None:
         assert np.isfinite(views.out_from_raw).all()
 
 
+def test_magnification_is_limited() -> None:
+    clip = LockedClip(target_wh=(6, 6))
+    assert widths(clip.views()).min() > 0.98 * 160
+    assert widths(clip.views(max_zoom=2.0)).min() > 0.98 * 320
+
+
+ODD_MOTIONS = {
+    "scene cut": Motion.from_transform(rigid(300, -200, 1.0), SIZE_WH),
+    "zoom": Motion.from_transform(np.diag([2.0, 2.0, 1.0]), SIZE_WH),
+    "half turn": Motion.from_transform(rigid(0, 0, np.pi, (320, 180)), SIZE_WH),
+    "tilt": Motion.from_transform([[1, 0, 0], [0, 1, 0], [1e-4, 1e-4, 1]], SIZE_WH),
+}
+
+
+@pytest.mark.parametrize("odd", ODD_MOTIONS)
+@pytest.mark.parametrize("live", [False, True])
+def test_odd_motions_and_boxes_give_views(odd: str, live: bool) -> None:
+    clip = LockedClip()
+    clip.motions[70] = ODD_MOTIONS[odd]
+    clip.boxes[80] = -5000.0, 3000.0, 0.1, 900.0
+    clip.boxes[90:92] = [(5.0, 5.0, 1300.0, 1.0)] * 2
+    if live:
+        camera = LockedCamera(SIZE_WH)
+        views = np.stack(
+            [camera.update(*each) for each in zip(clip.motions, clip.boxes, strict=True)]
+        )
+    else:
+        views = clip.views().out_from_raw
+    assert np.isfinite(views).all()
+    zoom = np.sqrt(np.linalg.det(views[:, :2, :2]))
+    assert zoom.min() > 0.4
+    assert zoom.max() < 10
+
+
 def test_size_of_the_output_is_even_and_fits_into_the_frame() -> None:
     sizes = {aspect: LockedConfig(aspect=aspect).size_wh((641, 361)) for aspect in ASPECTS}
     assert sizes == {
@@ -146,6 +182,7 @@ def test_size_of_the_output_is_even_and_fits_into_the_frame() -> None:
         ({"position": "top"}, "position"),
         ({"target_share": 0.0}, "target_share is 0.0"),
         ({"target_share": 1.5}, "target_share is 1.5"),
+        ({"max_zoom": 0.5}, "max_zoom is 0.5"),
         ({"tolerance": -1.0}, "tolerance is -1.0"),
         ({"max_speed": float("inf")}, "max_speed is inf"),
         ({"max_acceleration": float("nan")}, "max_acceleration is nan"),
@@ -162,5 +199,10 @@ def test_bad_recordings_are_refused() -> None:
         locked_views([], [])
     with pytest.raises(ArgumentError, match="150 motions and 3 boxes"):
         locked_views(clip.motions, clip.boxes[:3])
+    with pytest.raises(ArgumentError, match=r"size_wh \(320, 240\)"):
+        locked_views([*clip.motions[:-1], Motion.none((320, 240))], clip.boxes)
+    for box in ((1.0, 2.0, 0.0, 3.0), (1.0, float("nan"), 2.0, 3.0)):
+        with pytest.raises(ArgumentError, match="box is"):
+            locked_views(clip.motions, [box, *clip.boxes[1:]])
     with pytest.raises(ArgumentError, match="rate is 0"):
         locked_views(clip.motions, clip.boxes, rate=0)

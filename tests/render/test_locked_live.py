@@ -86,8 +86,19 @@ def test_speed_and_acceleration_are_limited() -> None:
     assert np.abs(np.diff(camera, 2, axis=0)).max() <= 0.1 * 640 / 900 + 1e-6
 
 
-def test_fixed_zoom_does_not_change_while_the_target_is_seen() -> None:
-    assert np.ptp(widths(live(LockedClip(), zoom="fixed"))) < 1e-6
+def test_fixed_zoom_does_not_change() -> None:
+    clip = LockedClip()
+    clip.boxes[50:80] = [None] * 30
+    assert np.ptp(widths(live(clip, zoom="fixed"))) < 1e-6
+
+
+def test_target_that_appears_later() -> None:
+    clip = LockedClip(0.01)
+    clip.boxes[:50] = [None] * 50
+    for zoom in ("follow", "fixed"):
+        views = live(clip, target_share=0.6, zoom=zoom)
+        assert widths(views)[49] > 1.3 * widths(views)[-1]
+        assert np.abs(clip.target_xy(views)[90:] - 0.5).max() < 0.1
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
@@ -113,6 +124,12 @@ def test_motion_of_another_size_is_refused_and_changes_nothing() -> None:
     np.testing.assert_array_equal(
         camera.update(clip.motions[0], clip.boxes[0]), live(clip).out_from_raw[0]
     )
+
+
+def test_box_that_is_empty_is_refused() -> None:
+    clip = LockedClip()
+    with pytest.raises(ArgumentError, match="box is"):
+        LockedCamera(SIZE_WH).update(clip.motions[0], (1.0, 2.0, -3.0, 4.0))
 
 
 def test_bad_rate_is_refused() -> None:

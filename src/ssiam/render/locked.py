@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, Transform
+from ssiam.geometry import XYWH, Transform, xywh_floats
 from ssiam.motion import Motion
 from ssiam.render.banded import BandedLeastSquares, Floats
 from ssiam.render.leveled import leveled_path, smoothness
@@ -80,13 +80,16 @@ def locked_views(
     Raises
     ------
     ArgumentError
-        There is no frame, the numbers of motions and boxes differ, or the rate is not positive.
+        There is no frame, the numbers of motions and boxes differ, the rate is not positive, the
+        frames' sizes differ, or a box is empty or not finite.
     """
     if not motions or len(motions) != len(boxes):
         raise ArgumentError(
             f"{len(motions)} motions and {len(boxes)} boxes: give one of each for every frame"
         )
     check_rate(rate)
+    for motion, box in zip(motions, boxes, strict=True):
+        check_recorded(motion, box, motions[0].size_wh)
     config = LockedConfig() if config is None else config
     clip = _Clip(motions, boxes, config, rate)
     target = clip.target()
@@ -100,6 +103,21 @@ def check_rate(rate: float) -> None:
     """Refuse a number of frames per second that is not positive and finite."""
     if not 0 < rate < float("inf"):
         raise ArgumentError(f"rate is {rate}: give frames per second, more than 0")
+
+
+def check_recorded(motion: Motion, box: XYWH | None, size_wh: tuple[int, int]) -> None:
+    """Refuse a motion of frames of another size, and a box that is empty or not finite."""
+    if motion.size_wh != size_wh:
+        width, height = size_wh
+        raise ArgumentError(
+            f"motion has size_wh {motion.size_wh}: "
+            f"give the motion of frames of {width}x{height} pixels"
+        )
+    if box is None:
+        return
+    _, _, w, h = values = xywh_floats(box)
+    if not np.isfinite(values).all() or w <= 0 or h <= 0:
+        raise ArgumentError(f"box is {values}: give finite numbers, width and height more than 0")
 
 
 def views_from_scene(center_xy: Floats, width: Floats, size_wh: tuple[int, int]) -> Transform:
@@ -149,15 +167,15 @@ class _Clip:
         if not self.seen.any():
             return TargetPath(self.wide_xy, np.full(len(self.seen), UNKNOWN))
         measured_xy = _mapped(self.scene_from_raw, self.boxes[:, :2] + self.boxes[:, 2:] / 2)
-        size = np.sqrt(self.boxes[:, 2] * self.boxes[:, 3])
+        size = np.sqrt(np.maximum(self.boxes[:, 2] * self.boxes[:, 3], 1))
         return target_path(measured_xy, self.seen, size, self.config.tolerance, self.rate)
 
     def view_width(self, target: TargetPath) -> Floats:
         """Width (N,) of the view, scene pixels."""
         needed = np.maximum(self.boxes[:, 2], self.boxes[:, 3] * self.aspect)
-        wanted = np.minimum(needed / self.config.target_share, self.full_width)
+        least = np.maximum(self.config.least_share * needed, self.config.least_width(self.size_wh))
+        wanted = np.clip(needed / self.config.target_share, least, self.full_width)
         wanted[~self.seen] = self.wide_width
-        least = np.where(self.seen, self.config.least_share * needed, 0)
         fitting = np.maximum(self._fitting_width(target.xy), least)
         fitting = np.minimum(np.where(self.seen, fitting, self.wide_width), self.full_width)
         if self.config.zoom == "fixed":

@@ -24,6 +24,8 @@ _SHARES: Final = {  # of the view's width and height
     "lower third": (1 / 2, 2 / 3),
 }
 
+_MARGIN: Final = 1.1  # sizes of the target that the smallest view shows
+
 
 @dataclass(frozen=True)
 class LockedConfig:
@@ -41,6 +43,8 @@ class LockedConfig:
         Where the target is in the view.
     target_share : float
         0 to 1: share of the view's width or height, whichever is larger, that the target fills.
+    max_zoom : float
+        1 or more: largest magnification, in relation to the largest view that the frame holds.
     tolerance : float
         Distance of the target from its position that is accepted for a smoother camera, in sizes
         of the target (square root of its area).
@@ -59,6 +63,7 @@ class LockedConfig:
     zoom: Zoom = "follow"
     position: Position = "middle"
     target_share: float = 0.35
+    max_zoom: float = 4.0
     tolerance: float = 0.07
     max_speed: float = 3.0
     max_acceleration: float = 40.0
@@ -71,6 +76,8 @@ class LockedConfig:
             raise ArgumentError(
                 f"target_share is {self.target_share}: give a share of the view, from 0 to 1"
             )
+        if not 1 <= self.max_zoom < math.inf:
+            raise ArgumentError(f"max_zoom is {self.max_zoom}: give a magnification of 1 or more")
         for name in ("tolerance", "max_speed", "max_acceleration"):
             if not 0 < (value := getattr(self, name)) < math.inf:
                 raise ArgumentError(f"{name} is {value}: give a number more than 0")
@@ -83,7 +90,7 @@ class LockedConfig:
     @property
     def least_share(self) -> float:
         """Width of the smallest view that contains the target, in widths of the target."""
-        return 1.1 * 0.5 / min(*self.position_xy, *(1 - share for share in self.position_xy))
+        return _MARGIN * 0.5 / min(*self.position_xy, *(1 - share for share in self.position_xy))
 
     def ratio(self, size_wh: tuple[int, int]) -> float:
         """Width of the view divided by its height, for frames of (width, height) pixels."""
@@ -92,6 +99,10 @@ class LockedConfig:
     def full_width(self, size_wh: tuple[int, int]) -> float:
         """Width of the largest view inside a frame of (width, height) pixels."""
         return min(float(size_wh[0]), size_wh[1] * self.ratio(size_wh))
+
+    def least_width(self, size_wh: tuple[int, int]) -> float:
+        """Width of the view at the largest magnification."""
+        return self.full_width(size_wh) / self.max_zoom
 
     def size_wh(self, size_wh: tuple[int, int]) -> tuple[int, int]:
         """Width and height of the output for frames of (width, height) pixels; even."""

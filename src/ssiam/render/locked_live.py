@@ -7,12 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Transform, frame_center
 from ssiam.motion import Motion
 from ssiam.render.banded import Floats
 from ssiam.render.leveled import camera_steps
-from ssiam.render.locked import LEAST_WIDE, check_rate, views_from_scene
+from ssiam.render.locked import LEAST_WIDE, check_rate, check_recorded, views_from_scene
 from ssiam.render.locked_config import LockedConfig
 
 # Times, s, after which 37 % of a deviation is left
@@ -76,6 +75,7 @@ class LockedCamera:
         self._camera_xy, self._speed_xy = self._center_xy.copy(), np.zeros(2)
         self._width = self._full_width
         self._width_speed = 0.0
+        self._fixed_width: float | None = None  # that of the first target, if it is to be kept
         self._started = False
 
     def __repr__(self) -> str:
@@ -104,13 +104,9 @@ class LockedCamera:
         Raises
         ------
         ArgumentError
-            The motion is of frames of another size.
+            The motion is of frames of another size, or the box is empty or not finite.
         """
-        if motion.size_wh != self._frame_wh:
-            raise ArgumentError(
-                f"motion has size_wh {motion.size_wh}: give the motion of frames of "
-                f"{self._frame_wh[0]}x{self._frame_wh[1]} pixels"
-            )
+        check_recorded(motion, box, self._frame_wh)
         self._scene.move(motion if self._started else Motion.none(self._frame_wh, reliable=True))
         if box is None:
             self._grip = 0.0
@@ -142,12 +138,19 @@ class LockedCamera:
 
     def _wanted_width(self, *, seen: bool) -> float:
         """Width of the view from the target's size, and from the room around it."""
+        if self._fixed_width is not None:
+            return self._fixed_width
         if self._target is None or not seen:
             return self._wide_width()
         w, h = self._target_wh
         needed = max(w, h * self._aspect)
-        fitting = max(self._fitting_width(self._target.xy), self._config.least_share * needed)
-        return min(needed / self._config.target_share, fitting, self._full_width)
+        least = max(self._config.least_share * needed, self._config.least_width(self._frame_wh))
+        fitting = max(self._fitting_width(self._target.xy), least)
+        wanted = max(needed / self._config.target_share, least)
+        width = min(wanted, fitting, self._full_width)
+        if self._config.zoom == "fixed":
+            self._fixed_width = width
+        return width
 
     def _wide_width(self) -> float:
         """Width of the view that shows most, and has room for the shake."""
@@ -171,11 +174,10 @@ class LockedCamera:
 
     def _move(self, *, seen: bool) -> None:
         """Move the camera by one frame."""
-        if self._config.zoom == "follow" or not self._grip:
-            self._zoom(seen=seen)
+        self._zoom(seen=seen)
         if seen and self._target is not None:
             away = self._wanted_xy(self._width) - self._camera_xy
-            tolerance = self._config.tolerance * math.sqrt(math.prod(self._target_wh))
+            tolerance = self._config.tolerance * math.sqrt(max(math.prod(self._target_wh), 1))
             excess = min(max(float(np.hypot(*away)) / tolerance, 1.0), _HASTE)
             haste = 1 + (excess - 1) * self._grip
             time = (_CATCH_AGAIN + (_CATCH - _CATCH_AGAIN) * self._grip) / haste
