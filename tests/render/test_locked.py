@@ -11,7 +11,7 @@ from ssiam.datasets.shake import camera_path
 from ssiam.errors import ArgumentError
 from ssiam.geometry import map_box, rigid
 from ssiam.motion import Motion
-from ssiam.render.locked import locked_views
+from ssiam.render.locked import LockedViews, locked_views
 from ssiam.render.locked_config import ASPECTS, POSITIONS, LockedConfig
 from ssiam.render.locked_live import LockedCamera
 
@@ -130,6 +130,25 @@ def test_one_frame_and_two_frames() -> None:
         assert np.isfinite(views.out_from_raw).all()
 
 
+@pytest.mark.parametrize("live", [False, True])
+def test_zoom_is_not_faster_than_its_limit(live: bool) -> None:
+    clip = LockedClip(0.0)
+    clip.boxes = [
+        box if i < 75 else (box[0] - 70, box[1] - 50, 170.0, 160.0)
+        for i, box in enumerate(clip.truth)  # type: ignore[arg-type, index]
+    ]
+    for limit in (1.1, 1.3):
+        config = LockedConfig(max_zoom_speed=limit, target_share=0.7)
+        if live:
+            camera = LockedCamera(SIZE_WH, config)
+            pairs = zip(clip.motions, clip.boxes, strict=True)
+            views = LockedViews(np.stack([camera.update(*each) for each in pairs]), SIZE_WH)
+        else:
+            views = locked_views(clip.motions, clip.boxes, config)
+        fastest = np.abs(np.diff(np.log(widths(views)))).max()
+        assert 0.9 * np.log(limit) / 30 < fastest < 1.01 * np.log(limit) / 30
+
+
 def test_magnification_is_limited() -> None:
     clip = LockedClip(target_wh=(6, 6))
     assert widths(clip.views()).min() > 0.98 * 160
@@ -183,6 +202,7 @@ def test_size_of_the_output_is_even_and_fits_into_the_frame() -> None:
         ({"target_share": 0.0}, "target_share is 0.0"),
         ({"target_share": 1.5}, "target_share is 1.5"),
         ({"max_zoom": 0.5}, "max_zoom is 0.5"),
+        ({"max_zoom_speed": 1.0}, "max_zoom_speed is 1.0"),
         ({"tolerance": -1.0}, "tolerance is -1.0"),
         ({"max_speed": float("inf")}, "max_speed is inf"),
         ({"max_acceleration": float("nan")}, "max_acceleration is nan"),

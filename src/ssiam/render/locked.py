@@ -6,6 +6,7 @@ the target, then the size of the view, then its center.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -188,7 +189,8 @@ class _Clip:
         base.add_difference(3, smoothness(_ZOOM_PERIOD * self.rate, 3))
         ones, unlimited = np.ones(len(wanted)), np.full(len(wanted), -np.inf)
         limit = Limit(ones[:, None], unlimited, np.log(fitting), _TOO_LARGE * ones)
-        return np.minimum(np.exp(solve_within(base, [limit])[:, 0]), self.full_width)
+        slow = StepLimit(1, math.log(self.config.max_zoom_speed) / self.rate, _TOO_FAST)
+        return np.minimum(np.exp(solve_within(base, [limit, slow])[:, 0]), self.full_width)
 
     def _fitting_width(self, target_xy: Floats) -> Floats:
         """Largest width (N,) of a view in the frame that has the target at its position."""

@@ -52,6 +52,8 @@ class LockedConfig:
         Of the virtual camera, frame widths per second, in scene coordinates.
     max_acceleration : float
         Of the virtual camera, frame widths per second squared, in scene coordinates.
+    max_zoom_speed : float
+        More than 1: largest factor by which the magnification changes in a second.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class LockedConfig:
     tolerance: float = 0.07
     max_speed: float = 3.0
     max_acceleration: float = 40.0
+    max_zoom_speed: float = 2.0
 
     def __post_init__(self) -> None:
         check_choice("aspect", self.aspect, ASPECTS)
@@ -78,6 +81,10 @@ class LockedConfig:
             )
         if not 1 <= self.max_zoom < math.inf:
             raise ArgumentError(f"max_zoom is {self.max_zoom}: give a magnification of 1 or more")
+        if not 1 < self.max_zoom_speed < math.inf:
+            raise ArgumentError(
+                f"max_zoom_speed is {self.max_zoom_speed}: give a factor of more than 1 per second"
+            )
         for name in ("tolerance", "max_speed", "max_acceleration"):
             if not 0 < (value := getattr(self, name)) < math.inf:
                 raise ArgumentError(f"{name} is {value}: give a number more than 0")

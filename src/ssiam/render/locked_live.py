@@ -198,7 +198,9 @@ class LockedCamera:
         """Change the size of the view by one frame: critically damped."""
         stiff = min(1 / (_ZOOM * self._rate), 1.0)
         away = math.log(self._wanted_width(seen=seen) / self._width)
-        self._width_speed += stiff**2 * away - 2 * stiff * self._width_speed
+        fastest = math.log(self._config.max_zoom_speed) / self._rate
+        speed = self._width_speed + stiff**2 * away - 2 * stiff * self._width_speed
+        self._width_speed = min(max(speed, -fastest), fastest)
         self._width = min(self._width * math.exp(self._width_speed), self._full_width)
 
     def _view_wh(self) -> Floats:
