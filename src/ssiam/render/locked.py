@@ -22,12 +22,13 @@ from ssiam.render.limits import Limit, StepLimit, solve_within
 from ssiam.render.locked_config import LockedConfig
 from ssiam.render.target_path import UNKNOWN, TargetPath, gaps, smooth_path, target_path
 
-LEVEL_SECONDS: Final = 4.0  # roll and zoom of the recording camera that last longer are kept
+_LEVEL_SECONDS: Final = 4.0  # roll and zoom of the recording camera that last longer are kept
 LEAST_WIDE: Final = 0.5  # of the largest view: at least this wide is the view of a lost target
-ANTICIPATION: Final = 1.0  # s before the target is found again, when the camera starts to move
+_ANTICIPATION: Final = 1.0  # s before the target is found again, when the camera starts to move
 
 _MOST: Final = 0.98  # of the frames, whose shake leaves room for the view of a lost target
 
+# Chosen on the ten test sequences with white shake of 3 %, by benchmarks/render/locked.py.
 # Periods, s: faster movements are suppressed
 _WIDE_PERIOD: Final = 3.0  # of the view without a target
 _ZOOM_PERIOD: Final = 4.0  # of the size of the view
@@ -145,7 +146,7 @@ class _Clip:
         self.size_wh = motions[0].size_wh
         self.aspect = config.ratio(self.size_wh)
         self.full_width = config.full_width(self.size_wh)
-        path = leveled_path(motions, LEVEL_SECONDS * rate)
+        path = leveled_path(motions, _LEVEL_SECONDS * rate)
         self.scene_from_raw = path.scene_from_raw()
         self.raw_from_scene = np.asarray(np.linalg.inv(self.scene_from_raw), np.float64)
         # Half of the rotated view's width and height (N, 2) in the raw frame, for a width of 1
@@ -213,7 +214,7 @@ class _Clip:
         weight = np.where(self.seen, np.maximum(_FOLLOW * target.weight, 1), _HOLD)
         for start, stop in gaps(self.seen):
             if start > 0 and stop < len(weight):
-                weight[max(start, stop - round(ANTICIPATION * self.rate)) : stop] = UNKNOWN
+                weight[max(start, stop - round(_ANTICIPATION * self.rate)) : stop] = UNKNOWN
         base = smooth_path(wanted, weight, _RECOVERY * self.rate)
         return solve_within(base, [*self._inside(width, weight), *self._steps()])
 
