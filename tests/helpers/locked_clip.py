@@ -63,3 +63,13 @@ def outside(views: LockedViews) -> float:
     raw = (np.linalg.inv(views.out_from_raw) @ corners)[:, :2]
     low, high = -0.5 - raw, raw - np.array(SIZE_WH)[:, None] + 0.5
     return float(np.maximum(low, high).max())
+
+
+def border(views: LockedViews) -> float:
+    """Share of the output's pixels that are outside of the frame."""
+    w, h = views.size_wh
+    x, y = np.meshgrid((np.arange(40) + 0.5) / 40 * w - 0.5, (np.arange(40) + 0.5) / 40 * h - 0.5)
+    points = np.stack([x.ravel(), y.ravel(), np.ones(1600)])
+    raw = (np.linalg.inv(views.out_from_raw) @ points)[:, :2]
+    beyond = (raw < -0.5) | (raw > np.array(SIZE_WH)[:, None] - 0.5)
+    return float(beyond.any(axis=1).mean())

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.locked_clip import COUNT, SIZE_WH, LockedClip, outside, widths
+from helpers.locked_clip import COUNT, SIZE_WH, LockedClip, border, outside, widths
 from ssiam.datasets import Shake
 from ssiam.datasets.shake import camera_path
 from ssiam.errors import ArgumentError
 from ssiam.geometry import map_box, rigid
 from ssiam.motion import Motion
 from ssiam.render.locked import LockedViews, locked_views
-from ssiam.render.locked_config import ASPECTS, POSITIONS, LockedConfig
+from ssiam.render.locked_config import ASPECTS, POSITIONS, ZOOMS, LockedConfig
 from ssiam.render.locked_live import LockedCamera
 
 
@@ -120,6 +120,14 @@ def test_target_at_the_edge_narrows_the_view_and_then_leaves_the_middle() -> Non
     views = clip.views()
     assert widths(views)[0] < 0.8 * widths(views)[-1]
     assert outside(views) < 3
+
+
+@pytest.mark.parametrize("zoom", ZOOMS)
+@pytest.mark.parametrize("position", ["middle", "right third"])
+def test_hardly_any_border_is_shown_of_a_target_at_the_edge(zoom: Any, position: Any) -> None:
+    clip = LockedClip(0.03, (150, 200))
+    clip.boxes = [(x - 240, y - 90, w, h) for x, y, w, h in clip.truth]  # type: ignore[misc]
+    assert border(clip.views(zoom=zoom, position=position)) < 0.01
 
 
 def test_one_frame_and_two_frames() -> None:

@@ -26,6 +26,7 @@ _LEVEL_SECONDS: Final = 4.0  # roll and zoom of the recording camera that last l
 LEAST_WIDE: Final = 0.5  # of the largest view: at least this wide is the view of a lost target
 _ANTICIPATION: Final = 1.0  # s before the target is found again, when the camera starts to move
 
+_BORDER: Final = 0.008  # of the output's pixels
 _MOST: Final = 0.98  # of the frames, whose shake leaves room for the view of a lost target
 
 # Chosen on the ten test sequences with white shake of 3 %, by benchmarks/render/locked.py.
@@ -39,7 +40,9 @@ _FOLLOW: Final = 0.1  # of the weight of the path, which is smooth already; at l
 _HOLD: Final = 0.1  # last position of a lost target
 _SIZE: Final = 0.1  # wanted size of the view
 _TOO_LARGE: Final = 1e3  # a view that does not fit into the frame around the target
-_OUTSIDE: Final = 4.0  # the part of the view that is outside of the frame, times that of the target
+# The part of the view that is outside of the frame, times the weight of the target: the first one
+# with which no more than _BORDER of the clip is outside
+_OUTSIDE: Final = (4.0, 16.0, 64.0, 256.0)
 _TOO_FAST: Final = 1e9  # speed and acceleration above their limits
 
 
@@ -216,7 +219,14 @@ class _Clip:
             if start > 0 and stop < len(weight):
                 weight[max(start, stop - round(_ANTICIPATION * self.rate)) : stop] = UNKNOWN
         base = smooth_path(wanted, weight, _RECOVERY * self.rate)
-        return solve_within(base, [*self._inside(width, weight), *self._steps()])
+        for outside in _OUTSIDE:
+            inside = self._inside(width, outside * np.maximum(weight, 1))
+            center_xy = solve_within(base, [*inside, *self._steps()])
+            violations = [np.abs(limit.bound(center_xy)[0]) for limit in inside]
+            covered = 1 - np.stack(violations, axis=1) / (2 * self.extent * width[:, None])
+            if 1 - covered.prod(axis=1).mean() <= _BORDER:
+                break
+        return center_xy
 
     def _inside(self, width: Floats, weight: Floats) -> list[Limit]:
         """The limits of the center of a view that is inside of the frame."""
@@ -225,8 +235,7 @@ class _Clip:
             to_axis = self.raw_from_scene[:, axis]
             middle = (side - 1) / 2 - to_axis[:, 2]
             room = np.maximum(side / 2 - self.extent[:, axis] * width, 0)
-            outside = _OUTSIDE * np.maximum(weight, 1)
-            limits.append(Limit(to_axis[:, :2], middle - room, middle + room, outside))
+            limits.append(Limit(to_axis[:, :2], middle - room, middle + room, weight))
         return limits
 
     def _steps(self) -> list[StepLimit]:
