@@ -26,6 +26,8 @@ _LEVEL_SECONDS: Final = 4.0  # roll and zoom of the recording camera that last l
 LEAST_WIDE: Final = 0.5  # of the largest view: at least this wide is the view of a lost target
 _ANTICIPATION: Final = 1.0  # s before the target is found again, when the camera starts to move
 
+EDGE_ZOOM: Final = 2.0  # times the largest magnification, for a target at the edge of the frame
+
 _BORDER: Final = 0.008  # of the output's pixels
 _MOST: Final = 0.98  # of the frames, whose shake leaves room for the view of a lost target
 
@@ -178,8 +180,11 @@ class _Clip:
     def view_width(self, target: TargetPath) -> Floats:
         """Width (N,) of the view, scene pixels."""
         needed = np.maximum(self.boxes[:, 2], self.boxes[:, 3] * self.aspect)
-        least = np.maximum(self.config.least_share * needed, self.config.least_width(self.size_wh))
-        wanted = np.clip(needed / self.config.target_share, least, self.full_width)
+        magnified = self.config.least_width(self.size_wh)
+        contains = np.minimum(self.config.least_share * needed, self.wide_width)
+        least = np.maximum(contains, magnified / EDGE_ZOOM)
+        wanted = np.maximum(needed / self.config.target_share, np.maximum(contains, magnified))
+        wanted = np.minimum(wanted, self.full_width)
         wanted[~self.seen] = self.wide_width
         fitting = np.maximum(self._fitting_width(target.xy), least)
         fitting = np.minimum(np.where(self.seen, fitting, self.wide_width), self.full_width)

@@ -44,7 +44,8 @@ class LockedConfig:
     target_share : float
         0 to 1: share of the view's width or height, whichever is larger, that the target fills.
     max_zoom : float
-        1 or more: largest magnification, in relation to the largest view that the frame holds.
+        1 or more: largest magnification, in relation to the largest view that the frame holds;
+        up to twice as much at the edge of the frame, to hold the target in the middle.
     tolerance : float
         Distance of the target from its position that is accepted for a smoother camera, in sizes
         of the target (square root of its area).

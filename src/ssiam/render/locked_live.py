@@ -11,7 +11,7 @@ from ssiam.geometry import XYWH, Transform, frame_center
 from ssiam.motion import Motion
 from ssiam.render.banded import Floats
 from ssiam.render.leveled import camera_steps
-from ssiam.render.locked import LEAST_WIDE, check_rate, check_recorded, views_from_scene
+from ssiam.render.locked import EDGE_ZOOM, LEAST_WIDE, check_rate, check_recorded, views_from_scene
 from ssiam.render.locked_config import LockedConfig
 
 # Times, s, after which 37 % of a deviation is left
@@ -144,9 +144,10 @@ class LockedCamera:
             return self._wide_width()
         w, h = self._target_wh
         needed = max(w, h * self._aspect)
-        least = max(self._config.least_share * needed, self._config.least_width(self._frame_wh))
-        fitting = max(self._fitting_width(self._target.xy), least)
-        wanted = max(needed / self._config.target_share, least)
+        magnified = self._config.least_width(self._frame_wh)
+        contains = min(self._config.least_share * needed, self._wide_width())
+        fitting = max(self._fitting_width(self._target.xy), contains, magnified / EDGE_ZOOM)
+        wanted = max(needed / self._config.target_share, contains, magnified)
         width = min(wanted, fitting, self._full_width)
         if self._config.zoom == "fixed":
             self._fixed_width = width
