@@ -1,1 +1,1 @@
-"""The stabilized view against the stabilizers of ffmpeg and vidstab."""
+"""Virtual cameras against other stabilizers and plain crops: stillness, distance, smoothness."""
