@@ -26,7 +26,7 @@ from ssiam.cli.track_run import (
 )
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.cli.track_views import ClipViews, RawViews, ViewMotion, Views
+from ssiam.cli.track_views import ClipRecord, ViewMotion, Views, planned_views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.motion import Motion
 from ssiam.track import Track
@@ -73,12 +73,11 @@ def run_backward(
 
 def _views(job: TrackJob, frames: Source, scan: _Scan, tracked: _BackwardTracks) -> Views:
     """The views of the video."""
-    if not job.plans_views:
-        return RawViews()
     indexes = range(scan.first, scan.first + len(scan.records))
     unknown = Motion.none(frames.size_wh)
     motions = [tracked.motion(index) or unknown for index in indexes]
-    return ClipViews(job.video, frames.size_wh, float(frames.fps), scan.first, motions)
+    clip = ClipRecord(frames.size_wh, float(frames.fps), scan.first, motions)
+    return planned_views(job.video, clip)
 
 
 @dataclass

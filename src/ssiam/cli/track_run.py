@@ -16,7 +16,13 @@ from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_records import TrackRecords
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.cli.track_views import ClipViews, LiveViews, RawViews, VideoOptions, ViewMotion, Views
+from ssiam.cli.track_views import (
+    ClipRecord,
+    VideoOptions,
+    ViewMotion,
+    live_views,
+    planned_views,
+)
 from ssiam.errors import ArgumentError, IncompleteError, SinkError, StreamError
 from ssiam.geometry import check_box
 from ssiam.motion import Motion
@@ -130,7 +136,8 @@ def run_track(
         if job.plans_views:
             second_pass = stack.enter_context(SecondPass(job, outputs, again, progress))
         else:
-            outputs.open_video(frames, job.video, _views(job.video, frames))
+            views = live_views(job.video, frames.size_wh, float(frames.fps))
+            outputs.open_video(frames, job.video, views)
         total = _expected_count(frames, job.span, first)
         passes = 1 if second_pass is None else 2
         camera = ViewMotion() if job.needs_motion else None
@@ -155,13 +162,6 @@ def run_track(
                 motion = None if camera is None else camera.finish(frame, tracks)
             write(frame, tracks, motion)
     check_complete(frames, summary, run.waiting)
-
-
-def _views(options: VideoOptions, frames: Source) -> Views:
-    """The views of a source that is read once."""
-    if not options.is_virtual:
-        return RawViews()
-    return LiveViews(options, frames.size_wh, float(frames.fps))
 
 
 class SecondPass:
@@ -224,10 +224,8 @@ class SecondPass:
     def _write(self, count: int) -> None:
         job = self._job
         frames = self._stack.enter_context(job.source.open(sound=True))
-        views = ClipViews(
-            job.video, frames.size_wh, float(frames.fps), self._first, self._motions[:count]
-        )
-        self._outputs.open_video(frames, job.video, views)
+        clip = ClipRecord(frames.size_wh, float(frames.fps), self._first, self._motions[:count])
+        self._outputs.open_video(frames, job.video, planned_views(job.video, clip))
         span = Span.of_frames(self._first, self._last)
         for done, frame in enumerate(selected_frames(frames, span, ()), 1):
             motion = self._motions[frame.index - self._first]

@@ -107,35 +107,26 @@ class RawViews:
 
 
 class LiveViews:
-    """Views of a virtual camera without delay.
-
-    Parameters
-    ----------
-    options : VideoOptions
-    size_wh : (int, int)
-        Width and height of the frames, pixels.
-    fps : float
-        Frames per second.
-    """
+    """Views of a virtual camera without delay."""
 
     kind = "without delay"
 
-    def __init__(self, options: VideoOptions, size_wh: tuple[int, int], fps: float) -> None:
-        self._camera = StabilizedCamera(size_wh, fps, crop=Crop.parse(options.crop))
-        self._size_wh = size_wh
-        self.share = self._camera.share
+    def __init__(self, camera: StabilizedCamera) -> None:
+        self._camera = camera
+        self.share = camera.share
 
     def of(self, frame: Frame, motion: Motion | None) -> CameraView:
         """The view of the next frame."""
-        return self._camera.update(motion or Motion.none(self._size_wh))
+        height, width = frame.image.shape[:2]
+        return self._camera.update(motion or Motion.none((width, height)))
 
 
-class ClipViews:
-    """Views of a virtual camera whose path was planned for a whole clip.
+@dataclass(frozen=True)
+class ClipRecord:
+    """What the first pass has found about a clip.
 
-    Parameters
+    Attributes
     ----------
-    options : VideoOptions
     size_wh : (int, int)
         Width and height of the frames, pixels.
     fps : float
@@ -146,23 +137,53 @@ class ClipViews:
         Camera motion to each frame from `first` on.
     """
 
+    size_wh: tuple[int, int]
+    fps: float
+    first: int
+    motions: Sequence[Motion]
+
+
+class ClipViews:
+    """Views of a virtual camera whose path was planned for a whole clip.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first frame.
+    views : sequence of CameraView
+        Of each frame from `first` on.
+    share : float
+        Share of width and of height that is cropped.
+    """
+
     kind = "planned for the whole clip"
 
-    def __init__(
-        self,
-        options: VideoOptions,
-        size_wh: tuple[int, int],
-        fps: float,
-        first: int,
-        motions: Sequence[Motion],
-    ) -> None:
-        path = ScenePath(motions, size_wh)
-        self._first = first
-        self._views, self.share = stabilized_views(path, fps, crop=Crop.parse(options.crop))
+    def __init__(self, first: int, views: Sequence[CameraView], share: float) -> None:
+        self._first, self._views, self.share = first, views, share
 
     def of(self, frame: Frame, motion: Motion | None) -> CameraView:
         """The view of a frame."""
         return self._views[frame.index - self._first]
+
+
+def planned_views(options: VideoOptions, clip: ClipRecord) -> Views:
+    """The views of a clip that is read twice."""
+    match options.chosen_view:
+        case "raw":
+            return RawViews()
+        case "stabilized":
+            path = ScenePath(clip.motions, clip.size_wh)
+            views, share = stabilized_views(path, clip.fps, crop=Crop.parse(options.crop))
+            return ClipViews(clip.first, views, share)
+
+
+def live_views(options: VideoOptions, size_wh: tuple[int, int], fps: float) -> Views:
+    """The views of a source that is read once, of (width, height) pixels."""
+    match options.chosen_view:
+        case "raw":
+            return RawViews()
+        case "stabilized":
+            return LiveViews(StabilizedCamera(size_wh, fps, crop=Crop.parse(options.crop)))
 
 
 class ViewMotion:
