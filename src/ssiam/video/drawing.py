@@ -148,9 +148,11 @@ def _tint(canvas: Image, mask: NDArray[np.bool_], color: _Color) -> None:
     if not rows.size:
         return
     region = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    part, chosen = canvas[region], mask[region]
-    share = np.array(color) * _MASK_SHARE
-    part[chosen] = (part[chosen] * (1 - _MASK_SHARE) + share).astype(np.uint8)
+    part, chosen = canvas[region], np.ascontiguousarray(mask[region]).view(np.uint8)
+    colored = np.empty_like(part)
+    colored[:] = color
+    tinted = cv2.addWeighted(part, 1 - _MASK_SHARE, colored, _MASK_SHARE, 0)
+    canvas[region] = cv2.copyTo(tinted, chosen, part.copy())
 
 
 def _outline(
