@@ -1,5 +1,6 @@
 """`ssiam track --view`: stabilized videos, in one pass and in two."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -53,7 +54,7 @@ def test_stabilized_view_is_still(clip, capsys, stabilize):
     assert images[0].shape == (SIZE[1], SIZE[0], 3)
     assert jitter(images) < 0.25 * jitter(images_of(clip[0]))
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "view:" in line)
-    assert "stabilized, planned for the whole clip: shakes by 0." in line
+    assert "; it shakes by 0." in line
     assert "% of width and height cropped" in line
 
 
@@ -77,7 +78,7 @@ def test_pipe_gets_a_camera_without_delay(clip, tmp_path):
     command += ["--out", "o.mp4", "--view", "stabilized", "--overlay", "none"]
     done = subprocess.run(command, input=raw, cwd=tmp_path, capture_output=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert b"stabilized, without delay: " in done.stdout
+    assert b"stabilized, without delay, " in done.stdout
     images = images_of("o.mp4")
     assert len(images) == COUNT
     assert jitter(images) < 0.6 * jitter(images_of(clip[0]))
@@ -193,3 +194,61 @@ def test_refused_options(clip, capsys, options, words):
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+
+
+def view_line(output):
+    (line,) = (line for line in output.splitlines() if "view:" in line)
+    return line
+
+
+def test_locked_view_holds_the_target_in_its_middle(clip, capsys):
+    assert track(clip[0], "--view", "locked", "--overlay", "none") == 0
+    found = re.search(
+        r"locked, planned .* the target is (.*) px \(RMS\) from its position, of (\d+) px",
+        view_line(capsys.readouterr().out),
+    )
+    assert float(found[1]) < 0.05 * SIZE[0]
+    assert int(found[2]) == SIZE[0]
+    images = images_of("o.mp4")
+    height, width = (side // 4 for side in images[0].shape[:2])
+    middle = images[0][height : 3 * height, width : 3 * width]
+    for image in images[1:]:
+        _, score, _, corner = cv2.minMaxLoc(cv2.matchTemplate(image, middle, cv2.TM_CCOEFF_NORMED))
+        assert score > 0.5
+        assert np.hypot(corner[0] - width, corner[1] - height) < 0.08 * SIZE[0]
+
+
+@pytest.mark.parametrize(
+    ("aspect", "size_wh"), [("9:16", (136, 240)), ("1:1", (240, 240)), ("16:9", (320, 180))]
+)
+def test_locked_view_has_the_aspect(clip, aspect, size_wh):
+    assert track(clip[0], "--view", "locked", "--aspect", aspect, "--end", "3") == 0
+    height, width = images_of("o.mp4")[0].shape[:2]
+    assert (width, height) == size_wh
+
+
+def test_locked_view_backward_beside_the_raw_frame_and_from_a_pipe(clip, tmp_path, capsys):
+    assert track(clip[0], "--view", "locked", "--side-by-side", "--backward", "--start", "30") == 0
+    assert "locked, planned" in view_line(capsys.readouterr().out)
+    assert images_of("o.mp4")[0].shape == (SIZE[1], 2 * SIZE[0], 3)
+    raw = b"".join(frame.to_ndarray(format="bgr24").tobytes() for frame in decoded(clip[0])[0])
+    command = [sys.executable, "-m", "ssiam", "track", "-", *KCF, "--raw", "320x240,bgr24,25"]
+    command += ["--out", "p.mp4", "--view", "locked", "--position", "left third"]
+    done = subprocess.run(command, input=raw, cwd=tmp_path, capture_output=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "locked, without delay, the target is " in view_line(done.stdout.decode())
+    assert len(images_of("p.mp4")) == COUNT
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--aspect", "1:1"), "--aspect 1:1 is for the locked view"),
+        (("--view", "stabilized", "--zoom", "fixed"), "--zoom fixed is for the locked view"),
+        (("--position", "left third"), "--position left third is for the locked view"),
+        (("--view", "locked", "--crop", "none"), "--crop none is for the stabilized view"),
+    ],
+)
+def test_options_of_another_view_are_refused(clip, capsys, options, message):
+    assert track(clip[0], *options) == 2
+    assert message in capsys.readouterr().err

@@ -26,7 +26,7 @@ from ssiam.cli.track_run import (
 )
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.cli.track_views import ClipRecord, ViewMotion, Views, planned_views
+from ssiam.cli.track_views import ClipRecord, ViewMotion, Views, first_box, planned_views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.motion import Motion
 from ssiam.track import Track
@@ -76,7 +76,8 @@ def _views(job: TrackJob, frames: Source, scan: _Scan, tracked: _BackwardTracks)
     indexes = range(scan.first, scan.first + len(scan.records))
     unknown = Motion.none(frames.size_wh)
     motions = [tracked.motion(index) or unknown for index in indexes]
-    clip = ClipRecord(frames.size_wh, float(frames.fps), scan.first, motions)
+    boxes = [first_box(tracked.forward(index)) for index in indexes]
+    clip = ClipRecord(frames.size_wh, float(frames.fps), scan.first, motions, boxes)
     return planned_views(job.video, clip)
 
 

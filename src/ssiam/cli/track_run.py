@@ -20,11 +20,12 @@ from ssiam.cli.track_views import (
     ClipRecord,
     VideoOptions,
     ViewMotion,
+    first_box,
     live_views,
     planned_views,
 )
 from ssiam.errors import ArgumentError, IncompleteError, SinkError, StreamError
-from ssiam.geometry import check_box
+from ssiam.geometry import XYWH, check_box
 from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
@@ -191,6 +192,7 @@ class SecondPass:
         has_outlines = job.video.overlay != "none"
         self._records = TrackRecords(job.paths.targets, has_outlines=has_outlines)
         self._motions: list[Motion] = []
+        self._boxes: list[XYWH | None] = []  # of the first target
         self._first = self._last = 0
 
     def add(self, frame: Frame, tracks: Sequence[Track | None], motion: Motion | None) -> None:
@@ -199,6 +201,7 @@ class SecondPass:
         if not self._records:
             self._first = frame.index
         self._motions.append(motion or Motion.none((width, height)))
+        self._boxes.append(first_box(tracks))
         self._records.add(frame.index, tracks)
         self._last = frame.index
 
@@ -224,7 +227,8 @@ class SecondPass:
     def _write(self, count: int) -> None:
         job = self._job
         frames = self._stack.enter_context(job.source.open(sound=True))
-        clip = ClipRecord(frames.size_wh, float(frames.fps), self._first, self._motions[:count])
+        motions, boxes = self._motions[:count], self._boxes[:count]
+        clip = ClipRecord(frames.size_wh, float(frames.fps), self._first, motions, boxes)
         self._outputs.open_video(frames, job.video, planned_views(job.video, clip))
         span = Span.of_frames(self._first, self._last)
         for done, frame in enumerate(selected_frames(frames, span, ()), 1):

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ssiam.cli.track_views import VideoOptions, Views
+from ssiam.cli.track_views import VideoOptions, Views, first_box
 from ssiam.geometry import Image, Points, map_points
 from ssiam.motion import Motion
 from ssiam.render import CameraView, Renderer, ShakeMeter
@@ -88,7 +88,7 @@ class TrackVideo:
         fps : float, optional
             Frames per second, to be drawn.
         """
-        view = self._views.of(frame, motion)
+        view = self._views.of(frame, motion, first_box(tracks))
         for trail, track in zip(self._trails, tracks, strict=True):
             trail.add(track, motion)
         if self._options.is_virtual:
@@ -144,9 +144,8 @@ class TrackVideo:
         if self._options.is_virtual:
             before, after = self._shake_before.px_per_frame, self._shake_after.px_per_frame
             lines.append(
-                f"view: {self._options.chosen_view}, {self._views.kind}: shakes by {after:.2f} px "
-                f"per frame, the raw frame by {before:.2f} px; "
-                f"{100 * self._views.share:.1f} % of width and height cropped"
+                f"view: {self._options.chosen_view}, {self._views.note}; it shakes by "
+                f"{after:.2f} px per frame, the raw frame by {before:.2f} px"
             )
         return lines
 

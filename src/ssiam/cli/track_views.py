@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol, TypeAlias
 
+import numpy as np
 from cyclopts import Group, Parameter
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, map_point
 from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
-from ssiam.render import Border, CameraView, Crop, ScenePath, StabilizedCamera, stabilized_views
+from ssiam.render import (
+    Border,
+    CameraView,
+    Crop,
+    LockedCamera,
+    LockedConfig,
+    ScenePath,
+    StabilizedCamera,
+    locked_views,
+    stabilized_views,
+)
+from ssiam.render.locked_config import Aspect, Position, Zoom
 from ssiam.track import Track
 from ssiam.video import Frame, Overlay
 
 OUTPUT_GROUP = Group("Output", sort_key=2)
 
-ViewName: TypeAlias = Literal["raw", "stabilized"]
+ViewName: TypeAlias = Literal["raw", "stabilized", "locked"]
 
 
 @Parameter(name="*")
@@ -28,14 +41,23 @@ class VideoOptions:
     Parameters
     ----------
     view
-        Image of the video: raw is the frame as it was shot, stabilized a virtual camera that
-        moves smoothly, so that the whole image is still. A file or folder is read twice, and the
-        camera's path smoothed as a whole; cameras, streams and standard input get a virtual camera
-        without delay. --stabilize is something else: it moves what the tracker sees, not the video.
+        Image of the video: raw is the frame as it was shot; stabilized a virtual camera that
+        moves smoothly, so that the whole image is still; locked a virtual camera that holds the
+        first target in place, level, and stops and widens while it is lost. A file or folder is
+        read twice, and the camera's path is planned as a whole; cameras, streams and standard input
+        get a virtual camera without delay. --stabilize is something else: it moves what the tracker
+        sees, not the video.
+    aspect
+        Width and height of the locked view.
+    zoom
+        Size of the locked view: follow changes it smoothly with the size of the target, fixed
+        chooses one size.
+    position
+        Where the locked view holds the target.
     crop
-        Border that a moved image shows: auto enlarges it so that the border is hidden in 99 % of
-        the frames, at most by 15 % of width and height, and limits the correction to that; none
-        shows it; a percentage cuts so much away.
+        Border that the stabilized view shows: auto enlarges the image so that the border is hidden
+        in 99 % of the frames, at most by 15 % of width and height, and limits the correction to
+        that; none shows it; a percentage cuts so much away.
     border
         What is shown beyond the edges of the frame: black, its mirror image, or what earlier frames
         showed there.
@@ -43,10 +65,13 @@ class VideoOptions:
         What is drawn of a target: nothing, its box, box and score (and rotated box and mask),
         box and trail, or its mask.
     side_by_side
-        Show the raw frame on the left, and the stabilized view on the right.
+        Show the raw frame on the left, and the stabilized or locked view on the right.
     """
 
     view: Annotated[ViewName | None, Parameter(group=OUTPUT_GROUP, show_default=False)] = None
+    aspect: Annotated[Aspect, Parameter(group=OUTPUT_GROUP)] = "source"
+    zoom: Annotated[Zoom, Parameter(group=OUTPUT_GROUP)] = "follow"
+    position: Annotated[Position, Parameter(group=OUTPUT_GROUP)] = "middle"
     crop: Annotated[str, Parameter(group=OUTPUT_GROUP, allow_leading_hyphen=True)] = "auto"
     border: Annotated[Border, Parameter(group=OUTPUT_GROUP)] = "mirror"
     overlay: Annotated[Overlay, Parameter(group=OUTPUT_GROUP)] = "box+score"
@@ -55,16 +80,32 @@ class VideoOptions:
     def check(self) -> None:
         """Raise `ArgumentError` for a value out of range, or options that contradict."""
         Crop.parse(self.crop)
+        for option in ("aspect", "zoom", "position"):
+            value = getattr(self, option)
+            if value != getattr(VideoOptions, option) and self.chosen_view != "locked":
+                raise ArgumentError(
+                    f"--{option} {value} is for the locked view: give --view locked, or omit it"
+                )
+        if self.crop != VideoOptions.crop and self.chosen_view == "locked":
+            raise ArgumentError(
+                f"--crop {self.crop} is for the stabilized view: the locked view is cropped by "
+                "--aspect and --zoom; omit --crop"
+            )
         if self.side_by_side and self.view == "raw":
             raise ArgumentError(
-                "--side-by-side shows another view beside the raw frame: give --view stabilized, "
-                "or omit --view"
+                "--side-by-side shows another view beside the raw frame: give --view stabilized "
+                "or --view locked, or omit --view"
             )
 
     @property
     def chosen_view(self) -> ViewName:
         """The view; that beside the raw frame with ``--side-by-side``."""
         return self.view or ("stabilized" if self.side_by_side else "raw")
+
+    @property
+    def locked(self) -> LockedConfig:
+        """The settings of the locked view."""
+        return LockedConfig(aspect=self.aspect, zoom=self.zoom, position=self.position)
 
     @property
     def is_virtual(self) -> bool:
@@ -78,47 +119,67 @@ class VideoOptions:
 
 
 class Views(Protocol):
-    """The views of a virtual camera, in the order of the frames.
+    """The views of a virtual camera, in the order of the frames."""
 
-    Attributes
-    ----------
-    share : float
-        Share of width and of height that is cropped.
-    kind : str
-        How the path was found, for the summary.
-    """
+    def of(self, frame: Frame, motion: Motion | None, box: XYWH | None) -> CameraView:
+        """The view of the next frame.
 
-    share: float
-    kind: str
+        Parameters
+        ----------
+        frame : Frame
+        motion : Motion or None
+            Camera motion to the frame.
+        box : (x, y, w, h) or None
+            The first target, raw-frame pixels; None if it is lost or has not begun.
+        """
 
-    def of(self, frame: Frame, motion: Motion | None) -> CameraView:
-        """The view of the next frame, given the camera motion to it."""
+    @property
+    def note(self) -> str:
+        """How the views were found, for the summary; complete after the last frame."""
 
 
 class RawViews:
     """The raw frames."""
 
-    share = 0.0
-    kind = "raw"
+    note = ""
 
-    def of(self, frame: Frame, motion: Motion | None) -> CameraView:
+    def of(self, frame: Frame, motion: Motion | None, box: XYWH | None) -> CameraView:
         """The raw frame."""
         return CameraView.raw((frame.image.shape[1], frame.image.shape[0]))
 
 
-class LiveViews:
-    """Views of a virtual camera without delay."""
-
-    kind = "without delay"
+class LiveStabilizedViews:
+    """Views of a stabilized camera without delay."""
 
     def __init__(self, camera: StabilizedCamera) -> None:
         self._camera = camera
-        self.share = camera.share
+        self.note = f"without delay, {_cropped(camera.share)}"
 
-    def of(self, frame: Frame, motion: Motion | None) -> CameraView:
+    def of(self, frame: Frame, motion: Motion | None, box: XYWH | None) -> CameraView:
         """The view of the next frame."""
         height, width = frame.image.shape[:2]
         return self._camera.update(motion or Motion.none((width, height)))
+
+
+class LiveLockedViews:
+    """Views of a camera that follows the target, without delay."""
+
+    def __init__(self, camera: LockedCamera, config: LockedConfig) -> None:
+        self._camera = camera
+        self._distance = _TargetDistance(config)
+
+    def of(self, frame: Frame, motion: Motion | None, box: XYWH | None) -> CameraView:
+        """The view of the next frame."""
+        height, width = frame.image.shape[:2]
+        out_from_raw = self._camera.update(motion or Motion.none((width, height)), box)
+        view = CameraView(out_from_raw, self._camera.out_size_wh)
+        self._distance.add(view, box)
+        return view
+
+    @property
+    def note(self) -> str:
+        """Distance of the target from its position."""
+        return f"without delay, {self._distance.note}"
 
 
 @dataclass(frozen=True)
@@ -135,12 +196,16 @@ class ClipRecord:
         Index of the first frame.
     motions : sequence of Motion
         Camera motion to each frame from `first` on.
+    boxes : sequence of (x, y, w, h) or None
+        The first target in each frame from `first` on, raw-frame pixels; None where it is lost or
+        has not begun.
     """
 
     size_wh: tuple[int, int]
     fps: float
     first: int
     motions: Sequence[Motion]
+    boxes: Sequence[XYWH | None]
 
 
 class ClipViews:
@@ -152,18 +217,23 @@ class ClipViews:
         Index of the first frame.
     views : sequence of CameraView
         Of each frame from `first` on.
-    share : float
-        Share of width and of height that is cropped.
+    note : str
+        What the plan needed.
     """
 
-    kind = "planned for the whole clip"
+    def __init__(self, first: int, views: Sequence[CameraView], note: str) -> None:
+        self._first, self._views = first, views
+        self.note = f"planned for the whole clip, {note}"
 
-    def __init__(self, first: int, views: Sequence[CameraView], share: float) -> None:
-        self._first, self._views, self.share = first, views, share
-
-    def of(self, frame: Frame, motion: Motion | None) -> CameraView:
+    def of(self, frame: Frame, motion: Motion | None, box: XYWH | None) -> CameraView:
         """The view of a frame."""
         return self._views[frame.index - self._first]
+
+
+def first_box(tracks: Sequence[Track | None]) -> XYWH | None:
+    """Box of the first target; None if it is lost or has not begun."""
+    track = tracks[0]
+    return None if track is None or track.lost else track.box
 
 
 def planned_views(options: VideoOptions, clip: ClipRecord) -> Views:
@@ -174,7 +244,14 @@ def planned_views(options: VideoOptions, clip: ClipRecord) -> Views:
         case "stabilized":
             path = ScenePath(clip.motions, clip.size_wh)
             views, share = stabilized_views(path, clip.fps, crop=Crop.parse(options.crop))
-            return ClipViews(clip.first, views, share)
+            return ClipViews(clip.first, views, _cropped(share))
+        case "locked":
+            planned = locked_views(clip.motions, clip.boxes, options.locked, clip.fps)
+            views = [CameraView(matrix, planned.size_wh) for matrix in planned.out_from_raw]
+            distance = _TargetDistance(options.locked)
+            for view, box in zip(views, clip.boxes, strict=True):
+                distance.add(view, box)
+            return ClipViews(clip.first, views, distance.note)
 
 
 def live_views(options: VideoOptions, size_wh: tuple[int, int], fps: float) -> Views:
@@ -183,7 +260,40 @@ def live_views(options: VideoOptions, size_wh: tuple[int, int], fps: float) -> V
         case "raw":
             return RawViews()
         case "stabilized":
-            return LiveViews(StabilizedCamera(size_wh, fps, crop=Crop.parse(options.crop)))
+            camera = StabilizedCamera(size_wh, fps, crop=Crop.parse(options.crop))
+            return LiveStabilizedViews(camera)
+        case "locked":
+            return LiveLockedViews(LockedCamera(size_wh, options.locked, fps), options.locked)
+
+
+def _cropped(share: float) -> str:
+    return f"{100 * share:.1f} % of width and height cropped"
+
+
+class _TargetDistance:
+    """Root mean square distance of the target from its position in the view, pixels."""
+
+    def __init__(self, config: LockedConfig) -> None:
+        self._position = np.array(config.position_xy)
+        self._total, self._count, self._width = 0.0, 0, 0
+
+    def add(self, view: CameraView, box: XYWH | None) -> None:
+        """Add a frame; None is a target that is lost or has not begun."""
+        self._width = view.size_wh[0]
+        if box is None:
+            return
+        x, y, w, h = box
+        center_xy = map_point(view.out_from_raw, x + w / 2, y + h / 2)
+        self._total += float(np.sum((center_xy - self._position * view.size_wh) ** 2))
+        self._count += 1
+
+    @property
+    def note(self) -> str:
+        """The distance and the width of the view."""
+        if not self._count:
+            return "no target was followed"
+        distance = math.sqrt(self._total / self._count)
+        return f"the target is {distance:.1f} px (RMS) from its position, of {self._width} px"
 
 
 class ViewMotion:
