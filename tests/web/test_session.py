@@ -7,8 +7,19 @@ import pytest
 
 from helpers.shaky_clip import SIZE, write_clip
 from helpers.watched_session import WatchedSession
-from ssiam.geometry import iou
-from ssiam.web import Add, Advance, Hold, Pause, Record, Remove, Rename, Restart, Stabilize
+from ssiam.geometry import iou, map_point
+from ssiam.web import (
+    Add,
+    Advance,
+    Hold,
+    Pause,
+    Record,
+    Remove,
+    Rename,
+    Restart,
+    Stabilize,
+    SwitchCamera,
+)
 from ssiam.web.types import CommandError
 
 FRAMES = 60
@@ -54,6 +65,25 @@ def test_a_box_drawn_into_an_old_step_is_tracked_to_the_newest(clip):
         (target,) = watched.until(lambda step: step.targets).targets
     assert overlap(target.track.box, boxes[30]) > 0.6
     assert overlap(boxes[2], boxes[30]) < 0.3
+
+
+def test_the_locked_camera_holds_the_first_target_in_the_middle(clip):
+    path, boxes = clip
+    with WatchedSession(path) as watched:
+        watched.ask(Add(boxes[0]))
+        watched.ask(SwitchCamera("locked"))
+        watched.until(lambda step: step.targets and step.camera == "locked")
+        watched.ask(Pause(False))
+        steps = []
+        watched.until(lambda step: steps.append(step) or step.frame.index >= 30)
+        watched.ask(SwitchCamera("stabilized"))
+        watched.until(lambda step: step.camera == "stabilized")
+    distances = []
+    for step in steps[10:]:
+        x, y, w, h = step.targets[0].track.box
+        held = map_point(step.stab_from_raw, x + w / 2, y + h / 2)
+        distances.append(np.hypot(*(np.array(held) - np.array(SIZE) / 2)))
+    assert np.mean(distances) < 0.1 * SIZE[0]
 
 
 def test_targets_are_added_removed_and_renamed(clip):

@@ -21,6 +21,7 @@ from ssiam.web.types import (
     SessionLimits,
     Stabilize,
     Step,
+    SwitchCamera,
     Target,
 )
 
@@ -42,5 +43,6 @@ __all__ = [
     "SessionLimits",
     "Stabilize",
     "Step",
+    "SwitchCamera",
     "Target",
 ]

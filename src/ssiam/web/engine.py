@@ -8,8 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from ssiam.geometry import IDENTITY, Transform
-from ssiam.render import StabilizedCamera
+from ssiam.geometry import IDENTITY, XYWH, Transform
+from ssiam.motion import Motion
+from ssiam.render import LockedCamera, StabilizedCamera
 from ssiam.stabilize import StabilizerConfig
 from ssiam.video import Frame
 from ssiam.web.feeds.base import Arrival, Feed
@@ -20,6 +21,7 @@ from ssiam.web.targets import Targets
 from ssiam.web.types import (
     Add,
     Advance,
+    CameraName,
     Command,
     CommandError,
     Hold,
@@ -32,6 +34,7 @@ from ssiam.web.types import (
     Restart,
     Stabilize,
     Step,
+    SwitchCamera,
 )
 
 _RATE_STEPS: Final = 30  # steps over which the rate is averaged
@@ -64,7 +67,8 @@ class Engine:
     ) -> None:
         self._feed, self._targets, self._recordings = feed, targets, recordings
         self._errors, self._notify = errors, notify
-        self._camera: StabilizedCamera | None = None
+        self._camera_name: CameraName = "stabilized"
+        self._camera: StabilizedCamera | LockedCamera | None = None
         self._history = StepHistory()
         self._done_times: deque[float] = deque(maxlen=_RATE_STEPS)
         self._is_paused = feed.paused
@@ -106,6 +110,7 @@ class Engine:
             playback=self.playback,
             recording=self._recordings.current,
             error=error,
+            camera=self._camera_name,
         )
         self._recordings.write(step)
         return self._remember(step)
@@ -122,6 +127,7 @@ class Engine:
             stabilize=self._targets.config.stabilize,
             playback=self.playback,
             recording=self._recordings.current,
+            camera=self._camera_name,
         )
         return self._remember(step)
 
@@ -145,6 +151,9 @@ class Engine:
                 self._targets.rename(id, name)
             case Stabilize(method):
                 self._stabilize(StabilizerConfig(method))
+            case SwitchCamera(camera):
+                self._camera_name = camera
+                self._camera = None if self._size_wh is None else self._new_camera(self._size_wh)
             case Pause(paused):
                 self._pause(paused)
             case Advance():
@@ -185,13 +194,13 @@ class Engine:
         return self.newest
 
     def _track(self, frame: Frame) -> Transform:
-        """Update the targets; return the transform of the stabilized view that people see."""
+        """Update the targets; return the transform to the view beside the raw frame."""
         size_wh = frame.image.shape[1], frame.image.shape[0]
         if size_wh != self._size_wh:
             self._change_size(size_wh)
         if self._is_start:
             self._history.clear()
-            self._camera = StabilizedCamera(size_wh, self._feed.fps or _USUAL_FPS)
+            self._camera = self._new_camera(size_wh)
             # If this fails, the next frame starts the sequence.
             self._targets.begin(frame, self._first_index)
             self._is_start = False
@@ -200,7 +209,20 @@ class Engine:
         motion = self._targets.motion
         if motion is None or self._camera is None:
             return IDENTITY
-        return self._camera.update(motion).out_from_raw
+        return self._view(self._camera, motion)
+
+    def _new_camera(self, size_wh: tuple[int, int]) -> StabilizedCamera | LockedCamera:
+        fps = self._feed.fps or _USUAL_FPS
+        if self._camera_name == "locked":
+            return LockedCamera(size_wh, rate=fps)
+        return StabilizedCamera(size_wh, fps)
+
+    def _view(self, camera: StabilizedCamera | LockedCamera, motion: Motion) -> Transform:
+        if isinstance(camera, StabilizedCamera):
+            return camera.update(motion).out_from_raw
+        first = next(iter(self._targets.snapshot()), None)
+        box: XYWH | None = None if first is None or first.track.lost else first.track.box
+        return camera.update(motion, box)
 
     def _change_size(self, size_wh: tuple[int, int]) -> None:
         """Start a new sequence with frames of this size; targets of the old size are removed."""

@@ -28,6 +28,8 @@ ErrorCode: TypeAlias = Literal[
 NoteLevel: TypeAlias = Literal["info", "warning", "error"]
 HealthState: TypeAlias = Literal["running", "stalled", "failed"]
 Playback: TypeAlias = Literal["playing", "paused", "reconnecting", "ended"]
+CameraName: TypeAlias = Literal["stabilized", "locked"]
+"""Virtual cameras: the whole image still, or the first target held in its middle."""
 
 MAX_NAME_LENGTH: Final = 40  # characters of a target's name
 
@@ -117,6 +119,16 @@ class Stabilize:
 
 
 @dataclass(frozen=True)
+class SwitchCamera:
+    """Switch the virtual camera of the view beside the raw frame, from the next frame on.
+
+    Threads: a value; any number of threads may share it.
+    """
+
+    camera: CameraName
+
+
+@dataclass(frozen=True)
 class Pause:
     """Pause (True) or resume (False).
 
@@ -161,7 +173,9 @@ class Record:
     recording: bool
 
 
-Command: TypeAlias = Add | Hold | Remove | Rename | Stabilize | Pause | Advance | Restart | Record
+Command: TypeAlias = (
+    Add | Hold | Remove | Rename | Stabilize | SwitchCamera | Pause | Advance | Restart | Record
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +244,7 @@ class Step:
     motion : Motion or None
         Camera motion since the previous frame; None with ``stabilize="off"``.
     stab_from_raw : (3, 3) float64
-        Transform to the stabilized view that people see: a virtual camera without delay
+        Transform to the view beside the raw frame: a virtual camera without delay
         (`ssiam.render`), whichever method the trackers use; the identity with ``"off"``.
     stabilize : str
         Method of the trackers.
@@ -248,6 +262,8 @@ class Step:
         Why the frame as a whole could not be processed, one line; empty if it could.
     waiting : tuple of WaitingTarget
         Targets that are not tracked in this frame, after a restart of the file.
+    camera : {"stabilized", "locked"}
+        The virtual camera of the next frame.
     """
 
     number: int
@@ -264,6 +280,7 @@ class Step:
     recording: str | None = None
     error: str = ""
     waiting: tuple[WaitingTarget, ...] = ()
+    camera: CameraName = "stabilized"
 
 
 @dataclass(frozen=True)

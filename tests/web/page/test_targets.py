@@ -105,6 +105,24 @@ def test_a_box_in_the_stabilized_view_is_mapped_to_the_raw_frame(visitor, truth)
     assert visitor.has_color(color, (x - 3, y + h / 2, 6, 4), "steadied")
 
 
+def test_the_first_target_is_held_in_the_middle_of_the_second_view(visitor, truth):
+    target = visitor.draw_target(truth["stander"][0])
+    visitor.page.get_by_label("Hold the first target in the middle").check()
+    visitor.resume()
+    step = visitor.until_step(lambda step: step["camera"] == "locked" and step["index"] >= 20)
+    assert visitor.page.get_by_label("Raw and stabilized side by side").is_checked()
+    visitor.page.locator("figcaption", has_text="locked").wait_for()
+    step = visitor.pause()
+    (a, b, c), (d, e, f) = step["stab_from_raw"]
+    x, y, w, h = step["targets"][0]["box"]
+    held = a * (x + w / 2) + b * (y + h / 2) + c, d * (x + w / 2) + e * (y + h / 2) + f
+    assert held == pytest.approx((160, 120), abs=30)
+    assert step["targets"][0]["id"] == target["id"]
+    visitor.page.keyboard.press("l")
+    visitor.resume()
+    visitor.until_step(lambda step: step["camera"] == "stabilized")
+
+
 NO_BOXES = [
     # name, mouse moves relative to the press; None: Escape
     ("a click", [(0, 0)]),

@@ -52,6 +52,8 @@ BAD = [
     ("control character", {"type": "rename", "id": 1, "name": "a\x00b"}),
     ("right-to-left override", {"type": "rename", "id": 1, "name": "a\u202eb"}),
     ("unknown method", {"type": "steady", "method": "literal"}),
+    ("unknown camera", {"type": "camera", "camera": "raw"}),
+    ("no camera", {"type": "camera"}),
     ("method is a list", {"type": "steady", "method": ["off"]}),
     ("on is a number", {"type": "record", "on": 1}),
     ("no index", {"type": "seek"}),

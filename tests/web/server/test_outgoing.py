@@ -68,6 +68,7 @@ def test_a_step_is_a_header_and_images():
             "size": [64, 36],
             "time": 27.03,
             "stabilize": "predict",
+            "camera": "stabilized",
         },
         "pictures": [{"view": "raw", "bytes": 3}, {"view": "steadied", "bytes": 5}],
         **{"latency": 0.0125, "fps": 29.97, "dropped": 3, "skipped": 2, "clients": 1},

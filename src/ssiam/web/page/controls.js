@@ -15,6 +15,7 @@ const byId = (id) => document.getElementById(id);
 export class Controls {
   #newest = null; // header of the newest step
   #requestedMethod = null;
+  #camera = "stabilized"; // virtual camera of the newest step
   #health = "running";
   #handlers;
 
@@ -34,6 +35,7 @@ export class Controls {
       handlers.layout(target.checked);
     });
     byId("methods").addEventListener("change", ({ target }) => this.#setMethod(target.value));
+    byId("locked").addEventListener("change", ({ target }) => this.#setCamera(target.checked));
   }
 
   /** Press a button. */
@@ -87,6 +89,10 @@ export class Controls {
     if (this.#requestedMethod === null || this.#requestedMethod === header.stabilize) {
       this.#checkMethod(header.stabilize);
     }
+    if (header.camera !== this.#camera) {
+      this.#camera = header.camera;
+      byId("locked").checked = header.camera === "locked";
+    }
     const { index, time } = header;
     const texts = {
       latency: `${(header.latency * 1000).toFixed(0)} ms`,
@@ -115,6 +121,11 @@ export class Controls {
     byId("rec").title = name === null ? "" : `Recording ${name}`;
     byId("record").setAttribute("aria-pressed", String(name !== null));
     byId("record").querySelector("span").textContent = name === null ? "Record" : "Stop recording";
+  }
+
+  #setCamera(isLocked) {
+    this.#handlers.command({ type: "camera", camera: isLocked ? "locked" : "stabilized" });
+    if (isLocked && !byId("side-by-side").checked) byId("side-by-side").click();
   }
 
   async #setMethod(method) {

@@ -82,6 +82,7 @@ class LivePage {
       ".": () => this.#controls.press("advance"),
       r: () => this.#controls.press("restart"),
       s: () => this.#controls.press("side-by-side"),
+      l: () => this.#controls.press("locked"),
       e: () => this.#controls.press("record"),
       1: () => this.#controls.pressMethod(0),
       2: () => this.#controls.pressMethod(1),

@@ -111,6 +111,8 @@ export class Views {
   /** Draw a step into all visible views. */
   draw({ header, bitmaps }, selectionIn, marks) {
     this.#setSize(header.size);
+    const camera = this.all.find(({ name }) => name === "steadied");
+    if (camera) camera.figure.querySelector("figcaption").textContent = header.camera;
     for (const view of this.visible) {
       const selection = selectionIn(view);
       view.draw(bitmaps.get(view.name), header, this.#size, { ...marks, selection });

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, get_args
 
 from ssiam.geometry import XYWH
 from ssiam.stabilize import Method
@@ -13,6 +13,7 @@ from ssiam.web.types import (
     MAX_NAME_LENGTH,
     Add,
     Advance,
+    CameraName,
     CommandError,
     ErrorCode,
     Hold,
@@ -22,6 +23,7 @@ from ssiam.web.types import (
     Rename,
     Restart,
     Stabilize,
+    SwitchCamera,
     normalized_name,
 )
 
@@ -207,6 +209,13 @@ def _stabilize(fields: Fields) -> Any:
     raise _bad_message(f"method must be one of {', '.join(METHODS)}")
 
 
+def _camera(fields: Fields) -> Any:
+    for camera in get_args(CameraName):
+        if fields.word("camera") == camera:
+            return SwitchCamera(camera)
+    raise _bad_message(f"camera must be one of {', '.join(get_args(CameraName))}")
+
+
 def _view(fields: Fields) -> Any:
     return View(
         fields.flag("raw"),
@@ -236,6 +245,7 @@ _LIVE_PARSERS: Final[Parsers] = {
     "remove": _remove,
     "rename": lambda fields: Rename(_id(fields), fields.name()),
     "steady": _stabilize,
+    "camera": _camera,
     "pause": lambda fields: Pause(True),
     "resume": lambda fields: Pause(False),
     "advance": lambda fields: Advance(),

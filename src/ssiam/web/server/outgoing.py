@@ -99,6 +99,7 @@ def step_message(
         size=[step.frame.image.shape[1], step.frame.image.shape[0]],
         time=None if step.frame.time is None else rounded(step.frame.time),
         stabilize=step.stabilize,
+        camera=step.camera,
         pictures=[{"view": view, "bytes": len(jpeg)} for view, jpeg in images],
         targets=[_target(target) for target in step.targets],
         waiting=[
