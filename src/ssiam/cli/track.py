@@ -22,11 +22,13 @@ from ssiam.cli.options import (
 )
 from ssiam.cli.pick import pick_boxes
 from ssiam.cli.track_backward import run_backward
+from ssiam.cli.track_corrections import run_corrected
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.errors import ArgumentError
+from ssiam.exchange import Keyframe, read_annotations, read_corrections
 from ssiam.video import RawFormat
 
 _OUTPUT_GROUP = Group("Output", sort_key=2)
@@ -44,6 +46,8 @@ def track(
     start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     backward: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
+    corrections: Annotated[Path | None, Parameter(group=TARGET_GROUP)] = None,
+    previous: Annotated[Path | None, Parameter(group=TARGET_GROUP)] = None,
     out: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
         Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
@@ -97,6 +101,14 @@ def track(
         Track from a later frame to the first one, or to --start. A --box without a time is then in
         the last frame, or in that of --end. Results and video are in the order of the frames. The
         source must be a file or a folder, which is read three times.
+    corrections
+        Keyframes that were corrected in an annotation tool, instead of --box: .xml of CVAT, .json
+        of Label Studio, or .csv or .jsonl of this program. The targets are tracked between them,
+        forward and backward, and the frames to look at next are printed. The source must be a file
+        or a folder, which is read three times.
+    previous
+        Results that were exported for the tool, .csv or .jsonl: only boxes that differ from them
+        are taken from --corrections, and their own keyframes are kept.
     out
         Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
         copied.
@@ -132,12 +144,16 @@ def track(
             paths = OutputPaths.default(_stem(source), targets, overwrite)
         else:
             paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
-        paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
+        given = (("--corrections", corrections), ("--previous", previous))
+        files = [(name, path) for name, path in given if path is not None]
+        paths.check(source, [*tracker_options.weight_files(), *box_files(box or []), *files])
         return TrackJob(options, paths, tracker_options, config, span, side_by_side, quiet)
 
     if backward and layout == "vot":
         raise ArgumentError("--layout vot has a target's first line first: omit --backward")
     if pick:
+        if corrections is not None:
+            raise ArgumentError(f"--pick tracks nothing: omit --corrections {corrections}")
         _check_pick(box, backward=backward)
         span.check([])
         given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
@@ -150,6 +166,17 @@ def track(
         ]
         pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
         return
+    if previous is not None and corrections is None:
+        raise ArgumentError(f"--previous {previous} is compared with --corrections: give both")
+    if corrections is not None:
+        _check_corrections(box, backward=backward)
+        span.check([])
+        keyframes = _keyframes(options, corrections, previous)
+        job = job_for(len(keyframes))
+        if not quiet:
+            report_leftover_parts(job.paths.leftover_parts)
+        run_corrected(job, keyframes, [TerminalProgress(quiet=quiet)])
+        return
     targets = parse_boxes(box or [])
     span.check(targets)
     job = job_for(len(targets) or 1)
@@ -161,6 +188,24 @@ def track(
         run(job, targets, [progress])
     else:
         choose_and_track(job_for, run, progress)
+
+
+def _check_corrections(box: list[str] | None, *, backward: bool) -> None:
+    """Raise `ArgumentError` for options that contradict ``--corrections``."""
+    if box:
+        raise ArgumentError(f"--corrections gives all boxes, and --box {box[0]} gives one: omit it")
+    if backward:
+        raise ArgumentError("--corrections tracks forward and backward: omit --backward")
+
+
+def _keyframes(
+    source: SourceOptions, corrections: Path, previous: Path | None
+) -> list[list[Keyframe]]:
+    """The keyframes of each target; raises as `read_corrections`."""
+    with source.open() as frames:
+        size_wh, fps = frames.size_wh, frames.fps
+    earlier = None if previous is None else read_annotations(previous, size_wh, fps)
+    return read_corrections(corrections, size_wh, fps, earlier)
 
 
 def _check_pick(box: list[str] | None, *, backward: bool) -> None:

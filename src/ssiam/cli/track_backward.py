@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ssiam.cli.moments import Moment, PlannedTarget, Span
+from ssiam.cli.stored_tracks import StoredTrack, inverse_motion
 from ssiam.cli.track_outputs import Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_run import (
@@ -27,7 +25,6 @@ from ssiam.cli.track_run import (
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
 from ssiam.errors import ArgumentError, StreamError
-from ssiam.motion import Motion
 from ssiam.track import Track
 from ssiam.video.frames import Frame, SourceInfo
 from ssiam.video.reversing import FrameRecord, ReversedFrames, check_reversible
@@ -177,11 +174,11 @@ class _BackwardTracks:
 
     def __init__(self, targets: int) -> None:
         self._targets = targets
-        self._stored: dict[int, list[_StoredTrack | None]] = {}
+        self._stored: dict[int, list[StoredTrack | None]] = {}
 
     def add(self, frame_index: int, tracks: Sequence[Track | None]) -> None:
         """Store the tracks of a frame."""
-        stored = [None if track is None else _StoredTrack.of(track) for track in tracks]
+        stored = [None if track is None else StoredTrack.of(track) for track in tracks]
         self._stored[frame_index] = stored
 
     def forward(self, frame_index: int) -> list[Track | None]:
@@ -190,52 +187,8 @@ class _BackwardTracks:
         return [
             None
             if stored is None
-            else replace(stored.track(), motion=_inverse(earlier.plain.motion if earlier else None))
+            else replace(
+                stored.track(), motion=inverse_motion(earlier.plain.motion if earlier else None)
+            )
             for stored, earlier in zip(self._stored[frame_index], before, strict=True)
         ]
-
-
-@dataclass(frozen=True)
-class _StoredTrack:
-    """A track whose mask is packed."""
-
-    plain: Track
-    shape: tuple[int, int] = (0, 0)  # height and width of the mask
-    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
-    part_shape: tuple[int, int] = (0, 0)  # of its bounds
-    bits: NDArray[np.uint8] | None = None
-
-    @classmethod
-    def of(cls, track: Track) -> _StoredTrack:
-        mask = track.mask
-        if mask is None:
-            return cls(track)
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
-        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
-        part = mask[top:bottom, left:right]
-        return cls(
-            replace(track, mask=None),
-            (mask.shape[0], mask.shape[1]),
-            (top, left),
-            (bottom - top, right - left),
-            np.packbits(part),
-        )
-
-    def track(self) -> Track:
-        if self.bits is None:
-            return self.plain
-        height, width = self.part_shape
-        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
-        mask = np.zeros(self.shape, dtype=np.bool_)
-        top, left = self.corner
-        mask[top : top + height, left : left + width] = part
-        return replace(self.plain, mask=mask)
-
-
-def _inverse(motion: Motion | None) -> Motion | None:
-    """The motion to the later frame from that to the earlier one."""
-    if motion is None:
-        return None
-    prev_from_cur = np.linalg.inv(motion.cur_from_prev).astype(np.float64)
-    return replace(motion, cur_from_prev=prev_from_cur)

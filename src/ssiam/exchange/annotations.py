@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Final, TypeAlias
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, xywh_from_corners
 from ssiam.track import Track
 
 Corners: TypeAlias = tuple[tuple[float, float], ...]
@@ -41,6 +41,8 @@ class Annotation:
     score : float
     lost : bool
         The target is lost; the box is a guess and not to be displayed.
+    keyframe : bool
+        Given by a person, box or absence; else tracked.
     """
 
     frame: int
@@ -50,6 +52,7 @@ class Annotation:
     corners: Corners | None = None
     score: float = 1.0
     lost: bool = False
+    keyframe: bool = False
 
     @property
     def visible(self) -> bool:
@@ -206,3 +209,32 @@ def rounded(values: Iterable[float], decimals: int = _DECIMALS) -> list[float]:
 def full_circle(degrees: float) -> float:
     """Rounded degrees in the range 0 to below 360."""
     return round(degrees, _DECIMALS) % 360
+
+
+def corners_of_rotated_box(box: RotatedBox) -> Corners:
+    """The corners of a rotated box, in order around it from its rotated top left one."""
+    cos, sin = math.cos(math.radians(box.degrees)), math.sin(math.radians(box.degrees))
+    w, h = box.w / 2, box.h / 2
+    return tuple(
+        (box.cx + cos * x - sin * y, box.cy + sin * x + cos * y)
+        for x, y in ((-w, -h), (w, -h), (w, h), (-w, h))
+    )
+
+
+def annotation_from_rotated_box(
+    frame: int,
+    time: float | None,
+    target: int,
+    box: RotatedBox,
+    *,
+    lost: bool = False,
+    keyframe: bool = False,
+) -> Annotation:
+    """The annotation of a box as annotation tools store it; upright at an angle of 0."""
+    if box.degrees == 0:
+        xywh = (box.cx - box.w / 2, box.cy - box.h / 2, box.w, box.h)
+        return Annotation(frame, time, target, xywh, lost=lost, keyframe=keyframe)
+    corners = corners_of_rotated_box(box)
+    return Annotation(
+        frame, time, target, xywh_from_corners(corners), corners, lost=lost, keyframe=keyframe
+    )

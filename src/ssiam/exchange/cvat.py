@@ -1,21 +1,31 @@
-"""CVAT: XML of the format "CVAT for video 1.1", one track per target."""
+"""CVAT: XML of the format "CVAT for video 1.1", one track per target, written and read."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree
 from xml.sax.saxutils import XMLGenerator
 
+from ssiam.errors import AnnotationsError
 from ssiam.exchange.annotations import (
     Annotation,
     Annotations,
+    RotatedBox,
+    annotation_from_rotated_box,
     full_circle,
     rotated_box,
     rounded,
     visible_runs,
 )
+from ssiam.exchange.tool_files import finite, read_file, whole
+from ssiam.geometry import xywh_from_corners
 from ssiam.outputs import atomic_write
+
+_SHAPES: Final = ("box", "polygon")
 
 
 def write_cvat(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
@@ -95,3 +105,68 @@ def _element(
 def _text(xml: XMLGenerator, name: str, text: str) -> None:
     with _element(xml, name):
         xml.characters(text)
+
+
+def read_cvat(path: Path, size_wh: tuple[int, int], fps: float | Fraction) -> Annotations:
+    """Read the tracks of a file of "CVAT for video 1.1".
+
+    Targets are numbered from 1 in the order of the tracks' ids. A box with ``outside="1"`` is a row
+    that is lost. Polygons are read as the upright box around them.
+
+    Raises
+    ------
+    AnnotationsError
+        The file cannot be read, is of another kind, or has a value that is not possible.
+    """
+    root = _parsed(path)
+    tracks = root.findall("track")
+    if root.tag != "annotations" or (not tracks and root.find("image") is not None):
+        raise AnnotationsError(f'{path}: is not a file of "CVAT for video 1.1": export that format')
+    ordered = sorted(tracks, key=lambda track: whole(path, "id of a track", track.get("id")))
+    rows: dict[tuple[int, int], Annotation] = {}
+    names: list[str] = []
+    for target, track in enumerate(ordered, 1):
+        names.append(track.get("label") or f"target {target}")
+        for shape in track:
+            if shape.tag not in _SHAPES:
+                raise AnnotationsError(
+                    f"{path}: track {track.get('id')} has the shape {shape.tag!r}: only rectangles "
+                    "and polygons are read"
+                )
+            row = _row(path, target, shape)
+            if rows.setdefault((row.frame, target), row) is not row:
+                raise AnnotationsError(
+                    f"{path}: track {track.get('id')} is in frame {row.frame} a second time"
+                )
+    return Annotations(size_wh, fps, tuple(names), tuple(rows.values()))
+
+
+def _parsed(path: Path) -> ElementTree.Element:
+    content = read_file(path)
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise AnnotationsError(f"{path}: declares a document type, which CVAT never writes")
+    try:
+        return ElementTree.fromstring(content)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise AnnotationsError(f"{path}: is not XML ({error}); is it cut off?") from None
+
+
+def _row(path: Path, target: int, shape: ElementTree.Element) -> Annotation:
+    values: Mapping[str, str] = shape.attrib
+    frame = whole(path, "frame", values.get("frame"))
+    lost, keyframe = values.get("outside") == "1", values.get("keyframe", "1") == "1"
+    if shape.tag == "polygon":
+        points = [pair.split(",") for pair in values.get("points", "").split(";")]
+        if any(len(point) != 2 for point in points):
+            raise AnnotationsError(f"{path}: frame {frame}: points of a polygon are not x,y;x,y")
+        corners = [[finite(path, "points", value) for value in point] for point in points]
+        xywh = xywh_from_corners(corners)
+        return Annotation(frame, None, target, xywh, lost=lost, keyframe=keyframe)
+    left, top, right, bottom = (
+        finite(path, name, values.get(name)) for name in ("xtl", "ytl", "xbr", "ybr")
+    )
+    degrees = finite(path, "rotation", values.get("rotation", "0"))
+    box = RotatedBox((left + right) / 2, (top + bottom) / 2, right - left, bottom - top, degrees)
+    if box.w <= 0 or box.h <= 0:
+        raise AnnotationsError(f"{path}: frame {frame}: the box {box.w:g}x{box.h:g} is empty")
+    return annotation_from_rotated_box(frame, None, target, box, lost=lost, keyframe=keyframe)

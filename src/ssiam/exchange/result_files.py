@@ -18,6 +18,8 @@ from ssiam.video.results import COLUMNS
 _Record: TypeAlias = Mapping[str, float | None]
 
 _REQUIRED: Final = COLUMNS[: COLUMNS.index("y4") + 1]
+_OPTIONAL: Final = ("keyframe",)  # absent in files of earlier versions
+_READ: Final = (*_REQUIRED, *_OPTIONAL)
 _LONGEST_LINE: Final = 2048  # bytes; those written by ssiam have less than 500
 _MOST_LINES: Final = 1_000_000  # nine hours of one target at 30 frames per second
 _LARGEST_NUMBER: Final = 1e12  # whose square every format can still represent
@@ -92,6 +94,7 @@ def _annotation(record: _Record) -> Annotation:
         tuple(zip(known[::2], known[1::2], strict=True)) if len(known) == len(points) else None,
         record["score"] or 0.0,
         is_waiting or bool(_whole(record, "lost", 0, 1)) or not has_box,
+        record["keyframe"] is not None and bool(_whole(record, "keyframe", 0, 1)),
     )
 
 
@@ -166,7 +169,8 @@ def _csv_record(columns: Sequence[str], line: str) -> _Record:
     if len(words) != len(columns):
         raise ValueError(f"has {len(words)} values, but the header has {len(columns)}")
     values = dict(zip(columns, words, strict=True))
-    return {name: _number(name, values[name].strip() or None) for name in _REQUIRED}
+    words_by_name = {name: values.get(name, "").strip() or None for name in _READ}
+    return {name: _number(name, word) for name, word in words_by_name.items()}
 
 
 def _json_record(line: str) -> _Record:
@@ -176,10 +180,10 @@ def _json_record(line: str) -> _Record:
     missing = [name for name in _REQUIRED if name not in values]
     if missing:
         raise ValueError(f"has no {missing[0]!r}")
-    wrong = [name for name in _REQUIRED if isinstance(values[name], str | list | dict)]
+    wrong = [name for name in _READ if isinstance(values.get(name), str | list | dict)]
     if wrong:
         raise ValueError(f"{wrong[0]} is {str(values[wrong[0]])[:_LONGEST_VALUE]!r}, not a number")
-    return {name: _number(name, values[name]) for name in _REQUIRED}
+    return {name: _number(name, values.get(name)) for name in _READ}
 
 
 def _number(name: str, value: Any) -> float | None:

@@ -20,13 +20,14 @@ from ssiam.track import Track
 COLUMNS = (
     *("frame", "time", "target", "x", "y", "w", "h", "score", "lost"),
     *("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4"),
-    *("dx", "dy", "angle_rad", "inliers", "reliable"),
+    *("dx", "dy", "angle_rad", "inliers", "reliable", "keyframe"),
 )
 """Columns of .csv and keys of .jsonl.
 
 Pixels, 0-based; seconds; radians. `dx`, `dy` and `angle_rad` are the camera motion since the
-previous frame, at the image center; `inliers` is the share of points that agree with it. All
-columns after `target` are empty (null) while a target waits for the frame in which it begins.
+previous frame, at the image center; `inliers` is the share of points that agree with it.
+`keyframe`: the box was given by a person, not tracked. All columns after `target` are empty (null)
+while a target waits for the frame in which it begins.
 """
 
 STDOUT = "-"
@@ -301,6 +302,7 @@ def _record(row: Row) -> dict[str, _Value]:
         *(_rounded(track.score, _SCORE_DECIMALS), bool(track.lost)),
         *(_rounded(value, _PIXEL_DECIMALS) for value in corners),
         *_motion_values(track),
+        track.keyframe,
     )
     return dict(zip(COLUMNS, values, strict=True))
 

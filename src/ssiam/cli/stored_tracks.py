@@ -1,0 +1,59 @@
+"""`StoredTrack`: tracks that are kept for a whole clip, with packed masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.motion import Motion
+from ssiam.track import Track
+
+
+@dataclass(frozen=True)
+class StoredTrack:
+    """A track whose mask is packed."""
+
+    plain: Track
+    shape: tuple[int, int] = (0, 0)  # height and width of the mask
+    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
+    part_shape: tuple[int, int] = (0, 0)  # of its bounds
+    bits: NDArray[np.uint8] | None = None
+
+    @classmethod
+    def of(cls, track: Track) -> StoredTrack:
+        """Store a track."""
+        mask = track.mask
+        if mask is None:
+            return cls(track)
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
+        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
+        part = mask[top:bottom, left:right]
+        return cls(
+            replace(track, mask=None),
+            (mask.shape[0], mask.shape[1]),
+            (top, left),
+            (bottom - top, right - left),
+            np.packbits(part),
+        )
+
+    def track(self) -> Track:
+        """The track, with its mask."""
+        if self.bits is None:
+            return self.plain
+        height, width = self.part_shape
+        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
+        mask = np.zeros(self.shape, dtype=np.bool_)
+        top, left = self.corner
+        mask[top : top + height, left : left + width] = part
+        return replace(self.plain, mask=mask)
+
+
+def inverse_motion(motion: Motion | None) -> Motion | None:
+    """The motion to the later frame from that to the earlier one."""
+    if motion is None:
+        return None
+    prev_from_cur = np.linalg.inv(motion.cur_from_prev).astype(np.float64)
+    return replace(motion, cur_from_prev=prev_from_cur)
