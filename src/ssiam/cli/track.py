@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -53,6 +54,7 @@ def track(
         Path | None, Parameter(group=_OUTPUT_GROUP, allow_leading_hyphen=True)
     ] = None,
     layout: Annotated[str | None, Parameter(group=_OUTPUT_GROUP)] = None,
+    masks: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
     plot: Annotated[Path | None, Parameter(group=_OUTPUT_GROUP)] = None,
     side_by_side: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
     overwrite: Annotated[bool, Parameter(group=_OUTPUT_GROUP, negative=())] = False,
@@ -118,6 +120,9 @@ def track(
     layout
         Layout of a .txt file: otb (x,y,w,h, 1-based; the default), mot (MOTChallenge, 1-based) or
         vot (0-based).
+    masks
+        Write each target's mask to the results too, .csv or .jsonl: COCO's compressed run lengths.
+        For trackers that have masks, such as the default one.
     plot
         Plot of the camera path and its stabilization: .png, .svg or .pdf.
     side_by_side
@@ -144,6 +149,7 @@ def track(
             paths = OutputPaths.default(_stem(source), targets, overwrite)
         else:
             paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
+        paths = replace(paths, masks=masks)
         given = (("--corrections", corrections), ("--previous", previous))
         files = [(name, path) for name, path in given if path is not None]
         paths.check(source, [*tracker_options.weight_files(), *box_files(box or []), *files])

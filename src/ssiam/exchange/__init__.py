@@ -4,6 +4,7 @@ from ssiam.errors import AnnotationsError
 from ssiam.exchange.annotations import Annotation, Annotations, annotation_from_track
 from ssiam.exchange.blending import Blend, Keyframe, Run, Section, blend, sections
 from ssiam.exchange.corrections import read_any_annotations, read_corrections
+from ssiam.exchange.cvat import CvatShape
 from ssiam.exchange.detections import to_detections
 from ssiam.exchange.doubts import Doubt, doubtful_frames
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
@@ -17,6 +18,7 @@ __all__ = [
     "Annotations",
     "AnnotationsError",
     "Blend",
+    "CvatShape",
     "Doubt",
     "ExportKind",
     "Keyframe",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Final, TypeAlias
@@ -43,6 +43,8 @@ class Annotation:
         The target is lost; the box is a guess and not to be displayed.
     keyframe : bool
         Given by a person, box or absence; else tracked.
+    mask : str or None
+        The target's pixels in the whole frame, as `ssiam.video.mask_codec` encodes them.
     """
 
     frame: int
@@ -53,6 +55,7 @@ class Annotation:
     score: float = 1.0
     lost: bool = False
     keyframe: bool = False
+    mask: str | None = None
 
     @property
     def visible(self) -> bool:
@@ -78,6 +81,10 @@ class Annotations:
         In any order, each target at most once per frame; frames may be missing.
     length : int
         Number of frames of the video, if it is larger than the last frame of `rows` implies.
+    start, step : int
+        The annotated frames are `start`, ``start + step``, ... of the video.
+    image_names : tuple of str
+        Name of the image of each frame of the video, for folders of images; may be empty.
 
     Raises
     ------
@@ -90,6 +97,9 @@ class Annotations:
     names: tuple[str, ...]
     rows: tuple[Annotation, ...]
     length: int = 0
+    start: int = 0
+    step: int = 1
+    image_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if min(self.size_wh) < 1:
@@ -97,6 +107,11 @@ class Annotations:
         if not 0 < self.fps < math.inf:
             raise ArgumentError(
                 f"frame rate {self.fps} is not a positive number of frames per second"
+            )
+        if self.start < 0 or self.step < 1:
+            raise ArgumentError(
+                f"frames from {self.start} in steps of {self.step} are not possible: give a start "
+                "of at least 0 and a step of at least 1"
             )
         targets = max((row.target for row in self.rows), default=0)
         if targets > len(self.names):
@@ -108,6 +123,24 @@ class Annotations:
     def frame_count(self) -> int:
         """Number of frames of the video, as far as it is known."""
         return max(self.length, 1 + max((row.frame for row in self.rows), default=-1))
+
+    @property
+    def frames(self) -> range:
+        """The annotated frames of the video."""
+        return range(self.start, self.frame_count, self.step)
+
+    def every(self, start: int, step: int) -> Annotations:
+        """The annotations of frames `start`, ``start + step``, ... alone."""
+        kept = tuple(
+            row for row in self.rows if row.frame >= start and (row.frame - start) % step == 0
+        )
+        return replace(self, rows=kept, start=start, step=step, length=self.frame_count)
+
+    def image_name(self, frame: int) -> str:
+        """The name of a frame's image; ``frame_000000.jpg`` and so on for videos."""
+        if frame < len(self.image_names):
+            return self.image_names[frame]
+        return f"frame_{frame:06d}.jpg"
 
     def name(self, target: int) -> str:
         """The target's name, without unprintable characters, which some formats cannot hold."""
@@ -139,11 +172,11 @@ def annotation_from_track(
     return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost)
 
 
-def visible_runs(rows: Sequence[Annotation]) -> Iterator[list[Annotation]]:
-    """Runs of consecutive frames in which one target is visible; `rows` are sorted by frame."""
+def visible_runs(rows: Sequence[Annotation], step: int = 1) -> Iterator[list[Annotation]]:
+    """Runs of frames, `step` apart, in which one target is visible; `rows` are sorted by frame."""
     run: list[Annotation] = []
     for row in rows:
-        if run and (not row.visible or row.frame != run[-1].frame + 1):
+        if run and (not row.visible or row.frame != run[-1].frame + step):
             yield run
             run = []
         if row.visible:

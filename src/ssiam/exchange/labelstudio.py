@@ -82,9 +82,10 @@ def _result(
 def _sequence(
     annotations: Annotations, video_timeline: Timeline, rows: Sequence[Annotation]
 ) -> Iterator[dict[str, Any]]:
-    for run in visible_runs(rows):
+    last = annotations.frames[-1]
+    for run in visible_runs(rows, annotations.step):
         for row in run:
-            enabled = row is not run[-1] or row.frame + 1 == annotations.frame_count
+            enabled = row is not run[-1] or row.frame == last
             yield {"enabled": enabled} | _keyframe(annotations, video_timeline, row)
 
 
