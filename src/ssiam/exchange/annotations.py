@@ -160,7 +160,7 @@ def annotation_from_track(
 ) -> Annotation:
     """The annotation of target number `target` (from 1) in a frame (from 0) at `time` seconds.
 
-    A box that is not finite counts as lost, without a box.
+    A box that is not finite counts as lost, without a box. The mask is left out.
     """
     is_finite = all(map(math.isfinite, track.box))
     corners = None
@@ -169,7 +169,7 @@ def annotation_from_track(
     x, y, w, h = map(float, track.box if is_finite else NO_BOX)
     score = float(track.score) if math.isfinite(track.score) else 0.0
     lost = bool(track.lost) or not is_finite
-    return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost)
+    return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost, track.keyframe)
 
 
 def visible_runs(rows: Sequence[Annotation], step: int = 1) -> Iterator[list[Annotation]]:

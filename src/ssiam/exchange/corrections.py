@@ -97,11 +97,7 @@ def read_corrections(
             f"{path}: has {targets} targets, but the results before it have {len(previous.names)}: "
             "give the results from which it was exported"
         )
-    before = {(row.frame, row.target): row for row in previous.rows} if previous else None
-    found: list[list[Keyframe]] = [[] for _ in range(targets)]
-    for row in sorted(corrected.rows, key=lambda row: (row.target, row.frame)):
-        if _is_given(row, before):
-            found[row.target - 1].append(Keyframe(row.frame, _upright(row)))
+    found = [keyframes_of(corrected, previous, target) for target in range(1, targets + 1)]
     for number, keyframes in enumerate(found, 1):
         if not any(each.xywh for each in keyframes):
             raise AnnotationsError(
@@ -112,10 +108,23 @@ def read_corrections(
     return found
 
 
-def _is_given(row: Annotation, before: dict[tuple[int, int], Annotation] | None) -> bool:
+def keyframes_of(
+    corrected: Annotations, previous: Annotations | None = None, target: int = 1
+) -> list[Keyframe]:
+    """The keyframes of one target, in the order of the frames, as `read_corrections`."""
+    before = None
+    if previous is not None:
+        before = {row.frame: row for row in previous.rows if row.target == target}
+    rows = sorted(
+        (row for row in corrected.rows if row.target == target), key=lambda row: row.frame
+    )
+    return [Keyframe(row.frame, _upright(row)) for row in rows if _is_given(row, before)]
+
+
+def _is_given(row: Annotation, before: dict[int, Annotation] | None) -> bool:
     if before is None:
         return row.keyframe
-    earlier = before.get((row.frame, row.target))
+    earlier = before.get(row.frame)
     if earlier is None or not earlier.visible:
         return row.visible or (earlier is not None and earlier.keyframe)
     return earlier.keyframe or not _is_same(row, earlier)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -64,25 +64,50 @@ def write_labelstudio(
 def _result(
     annotations: Annotations, video_timeline: Timeline, target: int, rows: Sequence[Annotation]
 ) -> dict[str, Any]:
-    duration = float(video_timeline.count / video_timeline.fps)
     return {
         "id": f"target-{target}",  # `_ID`
         "type": _KIND,
         "from_name": "box",
         "to_name": "video",
-        "value": {
-            "framesCount": video_timeline.count,
-            "duration": round(duration, _TIME_DECIMALS),
-            "labels": [annotations.name(target)],
-            "sequence": list(_sequence(annotations, video_timeline, rows)),
-        },
+        "value": _value(annotations, video_timeline, target, rows),
     }
+
+
+def _value(
+    annotations: Annotations, video_timeline: Timeline, target: int, rows: Sequence[Annotation]
+) -> dict[str, Any]:
+    duration = float(video_timeline.count / video_timeline.fps)
+    return {
+        "framesCount": video_timeline.count,
+        "duration": round(duration, _TIME_DECIMALS),
+        "labels": [annotations.name(target)],
+        "sequence": list(_sequence(annotations, video_timeline, rows)),
+    }
+
+
+def region_value(annotations: Annotations) -> dict[str, Any]:
+    """The `value` of a region for the first target, as `write_labelstudio` writes it."""
+    return _value(annotations, timeline(annotations), 1, annotations.tracks().get(1, []))
+
+
+def region_annotations(
+    region: Mapping[str, Any], size_wh: tuple[int, int], fps: float | Fraction
+) -> Annotations:
+    """The annotations of one region, as target 1; frames are numbered at a constant rate.
+
+    Raises
+    ------
+    AnnotationsError
+        The region has no sequence, or a value that is not possible.
+    """
+    name, rows = _region("the region", 1, region, size_wh, {})
+    return Annotations(size_wh, fps, (name,), tuple(rows.values()))
 
 
 def _sequence(
     annotations: Annotations, video_timeline: Timeline, rows: Sequence[Annotation]
 ) -> Iterator[dict[str, Any]]:
-    last = annotations.frames[-1]
+    last = max(annotations.frames, default=-1)
     for run in visible_runs(rows, annotations.step):
         for row in run:
             enabled = row is not run[-1] or row.frame == last
@@ -200,19 +225,33 @@ def read_labelstudio(
     rows: dict[tuple[int, int], Annotation] = {}
     names: dict[int, str] = {}
     for target, region in _numbered(regions):
-        value = region.get("value")
-        if not isinstance(value, dict) or not isinstance(value.get("sequence"), list):
-            raise AnnotationsError(f"{path}: a region of type {_KIND} has no sequence")
-        labels = value.get("labels") or [f"target {target}"]
-        names[target] = str(labels[0])
-        for item in value["sequence"]:
-            for row in _rows(path, target, item, size_wh, frames):
-                known = rows.get((row.frame, target))
-                if known is None or not known.visible:
-                    rows[row.frame, target] = row
+        names[target], own = _region(str(path), target, region, size_wh, frames)
+        rows |= {(frame, target): row for frame, row in own.items()}
     last = max(names, default=0)
     ordered = tuple(names.get(target, f"target {target}") for target in range(1, last + 1))
     return Annotations(size_wh, fps, ordered, tuple(rows.values()))
+
+
+def _region(
+    file: str,
+    target: int,
+    region: Mapping[str, Any],
+    size_wh: tuple[int, int],
+    frames: dict[int, int],
+) -> tuple[str, dict[int, Annotation]]:
+    """Name and rows of a region, by frame; `frames` are those by number, if they differ."""
+    value = region.get("value")
+    if not isinstance(value, dict) or not isinstance(value.get("sequence"), list):
+        raise AnnotationsError(f"{file}: a region of type {_KIND} has no sequence")
+    labels = value.get("labels")
+    name = str(labels[0]) if isinstance(labels, list) and labels else f"target {target}"
+    rows: dict[int, Annotation] = {}
+    for item in value["sequence"]:
+        for row in _rows(file, target, item, size_wh, frames):
+            known = rows.get(row.frame)
+            if known is None or not known.visible:
+                rows[row.frame] = row
+    return name, rows
 
 
 def _results(path: Path) -> list[dict[str, Any]]:
@@ -244,20 +283,20 @@ def _numbered(regions: Sequence[dict[str, Any]]) -> list[tuple[int, dict[str, An
 
 
 def _rows(
-    path: Path, target: int, item: Any, size_wh: tuple[int, int], frames: dict[int, int]
+    file: str, target: int, item: Any, size_wh: tuple[int, int], frames: dict[int, int]
 ) -> Iterator[Annotation]:
     if not isinstance(item, dict):
-        raise AnnotationsError(f"{path}: a sequence has {item!r:.40}, not a keyframe")
-    number = whole(path, "frame", item.get("frame"))
+        raise AnnotationsError(f"{file}: a sequence has {item!r:.40}, not a keyframe")
+    number = whole(file, "frame", item.get("frame"))
     frame = frames.get(number, number - 1) if frames else number - 1
     if frame < 0:
-        raise AnnotationsError(f"{path}: frame is 0, but Label Studio counts from 1")
-    x, y, w, h = (finite(path, name, item.get(name)) for name in ("x", "y", "width", "height"))
-    degrees = finite(path, "rotation", item.get("rotation", 0))
+        raise AnnotationsError(f"{file}: frame is 0, but Label Studio counts from 1")
+    x, y, w, h = (finite(file, name, item.get(name)) for name in ("x", "y", "width", "height"))
+    degrees = finite(file, "rotation", item.get("rotation", 0))
     width, height = size_wh
     x, y, w, h = x * width / 100, y * height / 100, w * width / 100, h * height / 100
     if w <= 0 or h <= 0:
-        raise AnnotationsError(f"{path}: frame {number}: the box {w:g}x{h:g} is empty")
+        raise AnnotationsError(f"{file}: frame {number}: the box {w:g}x{h:g} is empty")
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     center = x + cos * w / 2 - sin * h / 2, y + sin * w / 2 + cos * h / 2
     box = RotatedBox(*center, w, h, degrees)

@@ -26,7 +26,7 @@ def read_file(path: Path) -> bytes:
     return content
 
 
-def finite(path: Path, name: str, value: Any) -> float:
+def finite(file: str | Path, name: str, value: Any) -> float:
     """A value as a number; `AnnotationsError` if it is not one, or out of range."""
     try:
         number = math.nan if isinstance(value, bool) else float(value)
@@ -34,15 +34,15 @@ def finite(path: Path, name: str, value: Any) -> float:
         number = math.nan
     if not abs(number) <= _LARGEST_NUMBER:
         shown = "missing" if value is None else repr(value)[:_LONGEST_VALUE]
-        raise AnnotationsError(f"{path}: {name} is {shown}, not a number")
+        raise AnnotationsError(f"{file}: {name} is {shown}, not a number")
     return number
 
 
-def whole(path: Path, name: str, value: Any) -> int:
+def whole(file: str | Path, name: str, value: Any) -> int:
     """A value as a number of a frame or track; `AnnotationsError` if it is not one."""
-    number = finite(path, name, value)
+    number = finite(file, name, value)
     if not number.is_integer() or not 0 <= number <= _LAST_FRAME:
         raise AnnotationsError(
-            f"{path}: {name} is {number:g}, not a whole number from 0 to {_LAST_FRAME}"
+            f"{file}: {name} is {number:g}, not a whole number from 0 to {_LAST_FRAME}"
         )
     return int(number)
