@@ -54,7 +54,7 @@ class TrackedClip:
     ) -> None:
         self._tracker = tracker
         self._images: list[Image] = list(sequence.images())[:frames]
-        self.truth = np.asarray(sequence.truth[:frames], np.float64)
+        self.truth = _upright(np.asarray(sequence.truth[:frames], np.float64))
         self._running: dict[tuple[int, int], tuple[ssiam.StabilizedTracker, list[ssiam.Track]]] = {}
 
     def run(self, start: int, end: int, direction: int) -> Run:
@@ -94,6 +94,15 @@ class TrackedClip:
         known, frames = sorted(keyframes), np.arange(len(self.truth))
         sides = [np.interp(frames, known, self.truth[known, side]) for side in range(4)]
         return np.stack(sides, axis=1), ()
+
+
+def _upright(truth: Boxes) -> Boxes:
+    """Ground truth as upright boxes (N, 4): those around rotated ones."""
+    if truth.shape[1] == 4:
+        return truth
+    corners = truth.reshape(len(truth), -1, 2)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    return np.concatenate([low, high - low], axis=1)
 
 
 def _xywh(box: Boxes) -> tuple[float, float, float, float]:

@@ -136,3 +136,9 @@ def test_wrong_arguments_give_one_line_and_write_nothing(
     assert message in error
     assert error.count("\n") == 1
     assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_stream_is_refused_before_it_is_read(truth, capsys):
+    write_cvat("c.xml", [{0: truth[0]}])
+    assert main(["track", "-", "--corrections", "c.xml", *KCF]) == 2
+    assert "cannot be read from its end" in capsys.readouterr().err

@@ -31,6 +31,7 @@ from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.errors import ArgumentError
 from ssiam.exchange import Keyframe, read_annotations, read_corrections
 from ssiam.video import RawFormat
+from ssiam.video.reversing import check_reversible
 
 _OUTPUT_GROUP = Group("Output", sort_key=2)
 
@@ -207,7 +208,8 @@ def _check_corrections(box: list[str] | None, *, backward: bool) -> None:
 def _keyframes(
     source: SourceOptions, corrections: Path, previous: Path | None
 ) -> list[list[Keyframe]]:
-    """The keyframes of each target; raises as `read_corrections`."""
+    """The keyframes of each target; raises as `check_reversible` and `read_corrections`."""
+    check_reversible(source.spec)
     with source.open() as frames:
         size_wh, fps = frames.size_wh, frames.fps
     earlier = None if previous is None else read_annotations(previous, size_wh, fps)

@@ -45,7 +45,7 @@ from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import Frame
 from ssiam.video.frames import SourceInfo
 from ssiam.video.results import STDOUT
-from ssiam.video.reversing import FrameRecord, ReversedFrames, check_reversible
+from ssiam.video.reversing import FrameRecord, ReversedFrames
 
 _UNKNOWN_END: Final = 10**9  # of a source, before it has been read once
 _MOST_DOUBTS: Final = 8  # lines about frames to look at
@@ -64,6 +64,7 @@ def run_corrected(
     Parameters
     ----------
     job : TrackJob
+        Its source can be read several times (`check_reversible`).
     keyframes : sequence of sequence of Keyframe
         Of each target, at least one with a box.
     progress : sequence of RunProgress
@@ -71,10 +72,9 @@ def run_corrected(
     Raises
     ------
     SsiamError
-        As `run_track`, and if the source cannot be read several times, or a keyframe does not fit
-        it. Nothing is written before all frames are tracked.
+        As `run_track`, and if a keyframe does not fit the source. Nothing is written before all
+        frames are tracked.
     """
-    check_reversible(job.source.spec)
     with ExitStack() as stack:
         frames = stack.enter_context(job.source.open(sound=job.paths.video is not None))
         for number, own in enumerate(keyframes, 1):
