@@ -132,6 +132,8 @@ class Track:
         Stabilization of this frame, M_t of eq. 7; None with ``stabilize="off"``.
     evidence : tuple of float
         The numbers from which the score was computed; each tracker has different ones.
+    keyframe : bool
+        Whether the box was given by a person: the first one, or a correction. Else it was tracked.
     """
 
     box: XYWH
@@ -142,6 +144,7 @@ class Track:
     motion: Motion | None = None
     stab_from_raw: Transform | None = None
     evidence: tuple[float, ...] = ()
+    keyframe: bool = False
 
     def mapped(self, to_from_from: Transform, size_wh: tuple[int, int]) -> Track:
         """Map box, corners and mask to a frame of `size_wh` = (width, height) pixels (eq. 9)."""

@@ -16,9 +16,9 @@ CSV_DAMAGES = [
     (
         "cut off",
         csv_of({}, {})[: -len("0,30,40,0.9,0,,,,,,,,,,,,,,")],
-        "line 3: has 5 values, but the header has 22",
+        "line 3: has 5 values, but the header has 23",
     ),
-    ("one too many", csv_of({}, {"x": "1,2"}), "line 3: has 23 values"),
+    ("one too many", csv_of({}, {"x": "1,2"}), "line 3: has 24 values"),
     ("word", csv_of({"w": "wide"}), "line 2: w is 'wide', not a number"),
     ("long word", csv_of({"w": "w" * 99}), f"line 2: w is '{'w' * 40}', not a number"),
     ("not a number", csv_of({"x": "nan"}), "line 2: x is nan, which is out of range"),

@@ -63,7 +63,7 @@ def test_all_formats_from_size_and_rate(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        pytest.param(["r.csv", "--to", "yolo", *PLAIN], "yolo", id="unknown kind"),
+        pytest.param(["r.csv", "--to", "voc", *PLAIN], "voc", id="unknown kind"),
         pytest.param(["r.csv", *PLAIN], "--to", id="no kind"),
         pytest.param(["none.csv", "--to", "coco", *PLAIN], "none.csv: cannot be read", id="absent"),
         pytest.param(

@@ -49,10 +49,8 @@ def test_export_without_targets(tmp_path, kind):
 
 
 def test_unknown_kind_is_refused(annotations, tmp_path):
-    with pytest.raises(
-        ArgumentError, match="unknown kind of export 'yolo': choose from cvat, coco"
-    ):
-        write_exports(annotations, tmp_path / "export", "yolo")
+    with pytest.raises(ArgumentError, match="unknown kind of export 'voc': choose from cvat, coco"):
+        write_exports(annotations, tmp_path / "export", "voc")
 
 
 def test_target_that_is_never_visible_is_not_exported(tmp_path):

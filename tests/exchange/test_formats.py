@@ -84,13 +84,13 @@ def test_coco(exported):
     assert found[1] == {
         **{"id": 2, "image_id": 2, "category_id": 1, "track_id": 1, "iscrowd": 0},
         **{"bbox": [11.0, 20.5, 30.25, 40.0], "area": 1210.0, "segmentation": []},
-        "attributes": {"score": 0.9, "track_id": 1},
+        "attributes": {"score": 0.9, "track_id": 1, "keyframe": False},
     }
     assert found[2] == {
         **{"id": 3, "image_id": 2, "category_id": 2, "track_id": 2, "iscrowd": 0},
         **{"bbox": [77.679, 31.34, 44.641, 37.321], "area": 800.0},
         "segmentation": [[87.679, 31.34, 122.321, 51.34, 112.321, 68.66, 77.679, 48.66]],
-        "attributes": {"score": 0.1235, "track_id": 2},
+        "attributes": {"score": 0.1235, "track_id": 2, "keyframe": False},
     }
 
 

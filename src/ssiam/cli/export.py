@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +12,10 @@ from cyclopts import Parameter
 
 from ssiam.cli.options import report_leftover_parts, split_words
 from ssiam.errors import ArgumentError
-from ssiam.exchange import ExportKind, read_annotations, timeline, write_exports
+from ssiam.exchange import CvatShape, ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_distinct, check_output, is_stream, leftover_parts
 from ssiam.video import open_source
+from ssiam.video.images import image_paths
 from ssiam.video.source_files import check_distinct_from_source
 
 
@@ -28,6 +29,9 @@ def export(
     size: str | None = None,
     fps: str | None = None,
     names: str | None = None,
+    shape: CvatShape | None = None,
+    start: int = 0,
+    step: int = 1,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     stream: int | None = None,
 ) -> None:
@@ -42,17 +46,25 @@ def export(
         File written by ssiam track --results: .csv or .jsonl.
     to
         Format of --out. cvat: XML, "CVAT for video 1.1". coco: JSON. labelstudio: JSON of a task.
-        got10k: zip with one folder per target.
+        labelstudio-brush: JSON of a task for each image, with masks. yolo: zip of labels. got10k:
+        zip with one folder per target.
     out
         File to write.
     video
-        The tracked video, from which frame size and frame rate are read.
+        The tracked video or folder of images, from which frame size, frame rate and the names of
+        the images are read.
     size
         Width and height of the video's frames in pixels: 1280x720.
     fps
         Frames per second: 25, 29.97 or 30000/1001.
     names
         Comma-separated names of the targets, in order; by default target 1, target 2, ...
+    shape
+        For cvat: rotated (boxes, the default), upright (boxes), polygon or mask.
+    start
+        First frame that is exported, for tasks that begin later in the video.
+    step
+        Every how many frames are exported, for tasks with a frame step.
     stream
         Index of the tracked video stream of --video, from 0; by default the one with the most
         pixels.
@@ -68,10 +80,18 @@ def export(
     report_leftover_parts(leftover_parts(out))
     video_info = _video_info(video, size, fps, stream)
     target_names = None if names is None else split_words(names)
-    annotations = read_annotations(results, video_info.size_wh, video_info.fps, target_names)
-    write_exports(annotations, out, to, video_info.name, overwrite=overwrite)
+    annotations = replace(
+        read_annotations(results, video_info.size_wh, video_info.fps, target_names),
+        image_names=video_info.image_names,
+    ).every(start, step)
+    needs_masks = to == "labelstudio-brush" or shape in ("polygon", "mask")
+    if needs_masks and all(row.mask is None for row in annotations.rows):
+        raise ArgumentError(
+            f"{results} holds no masks: write them with ssiam track --masks --results {results}"
+        )
+    write_exports(annotations, out, to, video_info.name, overwrite=overwrite, shape=shape)
     print(
-        f"{results}: {len(annotations.tracks())} targets in {annotations.frame_count} frames, "
+        f"{results}: {len(annotations.tracks())} targets in {len(annotations.frames)} frames, "
         f"written to {out}",
         file=sys.stderr if is_stream(out) else sys.stdout,  # the output may be standard output
     )
@@ -90,6 +110,7 @@ class _VideoInfo:
     size_wh: tuple[int, int]
     fps: Fraction
     name: str = "video.mp4"
+    image_names: tuple[str, ...] = ()
 
 
 def _video_info(
@@ -102,7 +123,14 @@ def _video_info(
     if video is None or size is not None or fps is not None:
         raise ArgumentError("give either --video, or --size and --fps: --size 1280x720 --fps 30")
     with open_source(video, stream=stream) as frames:
-        return _VideoInfo(frames.size_wh, frames.fps, Path(frames.name).name)
+        return _VideoInfo(
+            frames.size_wh, frames.fps, Path(frames.name).name, _image_names(Path(video))
+        )
+
+
+def _image_names(video: Path) -> tuple[str, ...]:
+    """The names of a folder's images, in the order of the frames; none for other sources."""
+    return tuple(path.name for path in image_paths(video)) if video.is_dir() else ()
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
@@ -22,13 +23,16 @@ from ssiam.cli.options import (
 )
 from ssiam.cli.pick import pick_boxes
 from ssiam.cli.track_backward import run_backward
+from ssiam.cli.track_corrections import run_corrected
 from ssiam.cli.track_outputs import OutputPaths
 from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import DEFAULT_VIDEO, SourceOptions, TrackJob, run_track
 from ssiam.cli.track_views import OUTPUT_GROUP, VideoOptions
 from ssiam.errors import ArgumentError
+from ssiam.exchange import Keyframe, read_annotations, read_corrections
 from ssiam.video import RawFormat
+from ssiam.video.reversing import check_reversible
 
 
 def track(
@@ -43,11 +47,14 @@ def track(
     start: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     end: Annotated[str | None, Parameter(group=TARGET_GROUP, allow_leading_hyphen=True)] = None,
     backward: Annotated[bool, Parameter(group=TARGET_GROUP, negative=())] = False,
+    corrections: Annotated[Path | None, Parameter(group=TARGET_GROUP)] = None,
+    previous: Annotated[Path | None, Parameter(group=TARGET_GROUP)] = None,
     out: Annotated[Path | None, Parameter(group=OUTPUT_GROUP, allow_leading_hyphen=True)] = None,
     results: Annotated[
         Path | None, Parameter(group=OUTPUT_GROUP, allow_leading_hyphen=True)
     ] = None,
     layout: Annotated[str | None, Parameter(group=OUTPUT_GROUP)] = None,
+    masks: Annotated[bool, Parameter(group=OUTPUT_GROUP, negative=())] = False,
     plot: Annotated[Path | None, Parameter(group=OUTPUT_GROUP)] = None,
     video: VideoOptions = DEFAULT_VIDEO,
     overwrite: Annotated[bool, Parameter(group=OUTPUT_GROUP, negative=())] = False,
@@ -96,6 +103,14 @@ def track(
         Track from a later frame to the first one, or to --start. A --box without a time is then in
         the last frame, or in that of --end. Results and video are in the order of the frames. The
         source must be a file or a folder, which is read three times.
+    corrections
+        Keyframes that were corrected in an annotation tool, instead of --box: .xml of CVAT, .json
+        of Label Studio, or .csv or .jsonl of this program. The targets are tracked between them,
+        forward and backward, and the frames to look at next are printed. The source must be a file
+        or a folder, which is read three times.
+    previous
+        Results that were exported for the tool, .csv or .jsonl: only boxes that differ from them
+        are taken from --corrections, and their own keyframes are kept.
     out
         Annotated video to write, in H.264: .mp4, .mkv, .mov or .avi. The sound of the source is
         copied.
@@ -105,6 +120,9 @@ def track(
     layout
         Layout of a .txt file: otb (x,y,w,h, 1-based; the default), mot (MOTChallenge, 1-based) or
         vot (0-based).
+    masks
+        Write each target's mask to the results too, .csv or .jsonl: COCO's compressed run lengths.
+        For trackers that have masks, such as the default one.
     plot
         Plot of the camera path and its stabilization: .png, .svg or .pdf.
     overwrite
@@ -130,12 +148,17 @@ def track(
             paths = OutputPaths.default(_stem(source), targets, overwrite)
         else:
             paths = OutputPaths.explicit(out, results, plot, layout, targets, overwrite)
-        paths.check(source, [*tracker_options.weight_files(), *box_files(box or [])])
+        paths = replace(paths, masks=masks)
+        given = (("--corrections", corrections), ("--previous", previous))
+        files = [(name, path) for name, path in given if path is not None]
+        paths.check(source, [*tracker_options.weight_files(), *box_files(box or []), *files])
         return TrackJob(options, paths, tracker_options, config, span, video, quiet)
 
     if backward and layout == "vot":
         raise ArgumentError("--layout vot has a target's first line first: omit --backward")
     if pick:
+        if corrections is not None:
+            raise ArgumentError(f"--pick tracks nothing: omit --corrections {corrections}")
         _check_pick(box, backward=backward)
         span.check([])
         given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
@@ -148,6 +171,17 @@ def track(
         ]
         pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
         return
+    if previous is not None and corrections is None:
+        raise ArgumentError(f"--previous {previous} is compared with --corrections: give both")
+    if corrections is not None:
+        _check_corrections(box, backward=backward)
+        span.check([])
+        keyframes = _keyframes(options, corrections, previous)
+        job = job_for(len(keyframes))
+        if not quiet:
+            report_leftover_parts(job.paths.leftover_parts)
+        run_corrected(job, keyframes, [TerminalProgress(quiet=quiet)])
+        return
     targets = parse_boxes(box or [])
     span.check(targets)
     job = job_for(len(targets) or 1)
@@ -159,6 +193,25 @@ def track(
         run(job, targets, [progress])
     else:
         choose_and_track(job_for, run, progress)
+
+
+def _check_corrections(box: list[str] | None, *, backward: bool) -> None:
+    """Raise `ArgumentError` for options that contradict ``--corrections``."""
+    if box:
+        raise ArgumentError(f"--corrections gives all boxes, and --box {box[0]} gives one: omit it")
+    if backward:
+        raise ArgumentError("--corrections tracks forward and backward: omit --backward")
+
+
+def _keyframes(
+    source: SourceOptions, corrections: Path, previous: Path | None
+) -> list[list[Keyframe]]:
+    """The keyframes of each target; raises as `check_reversible` and `read_corrections`."""
+    check_reversible(source.spec)
+    with source.open() as frames:
+        size_wh, fps = frames.size_wh, frames.fps
+    earlier = None if previous is None else read_annotations(previous, size_wh, fps)
+    return read_corrections(corrections, size_wh, fps, earlier)
 
 
 def _check_pick(box: list[str] | None, *, backward: bool) -> None:

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from ssiam.cli.moments import PlannedTarget, Span
 from ssiam.cli.track_outputs import Outputs
 from ssiam.cli.track_progress import RunProgress
-from ssiam.cli.track_records import TrackRecords
+from ssiam.cli.track_records import TrackRecords, inverse_motion
 from ssiam.cli.track_run import (
     TrackJob,
     check_complete,
@@ -205,7 +203,7 @@ class _BackwardTracks:
 
     def motion(self, frame_index: int) -> Motion | None:
         """Camera motion to a frame from the frame before it; None if it was not estimated."""
-        return _inverse(self._motions.get(frame_index - 1))
+        return inverse_motion(self._motions.get(frame_index - 1))
 
     def forward(self, frame_index: int) -> list[Track | None]:
         """The tracks of a frame, with the camera motion since the frame before it."""
@@ -213,14 +211,6 @@ class _BackwardTracks:
         return [
             None
             if track is None
-            else track.with_changes(motion=_inverse(earlier.motion if earlier else None))
+            else track.with_changes(motion=inverse_motion(earlier.motion if earlier else None))
             for track, earlier in zip(self._records.tracks(frame_index), before, strict=True)
         ]
-
-
-def _inverse(motion: Motion | None) -> Motion | None:
-    """The motion to the later frame from that to the earlier one."""
-    if motion is None:
-        return None
-    prev_from_cur = np.linalg.inv(motion.cur_from_prev).astype(np.float64)
-    return replace(motion, cur_from_prev=prev_from_cur)

@@ -17,7 +17,7 @@ from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
 from ssiam.video import Frame, PathPlot, ResultSink, Source, open_results
 from ssiam.video.plots import check_plot
-from ssiam.video.results import result_paths
+from ssiam.video.results import check_holds_masks, result_paths
 from ssiam.video.sinks import video_format
 from ssiam.video.source_files import check_distinct_from_source
 
@@ -38,6 +38,8 @@ class OutputPaths:
         Whether existing files may be replaced.
     leftover_parts : tuple of Path
         Partial files of these outputs from earlier runs.
+    masks : bool
+        Whether the results hold masks.
     """
 
     video: Path | None
@@ -47,6 +49,7 @@ class OutputPaths:
     targets: int
     overwrite: bool
     leftover_parts: tuple[Path, ...] = ()
+    masks: bool = False
 
     @classmethod
     def default(cls, stem: str, targets: int, overwrite: bool) -> OutputPaths:
@@ -97,6 +100,8 @@ class OutputPaths:
             A plot is requested, and matplotlib is not installed.
         """
         check_distinct_from_source(self.files(), source, weights)
+        if self.masks:
+            check_holds_masks(self.results)
         for _, path in self.files():
             check_output(path, overwrite=self.overwrite)
         if self.video is not None:
@@ -135,6 +140,7 @@ class Outputs:
                     layout=paths.layout,
                     targets=paths.targets,
                     overwrite=overwrite,
+                    masks=paths.masks,
                 )
             if paths.plot is not None:
                 self._plot = PathPlot(paths.plot, config.paper.window, overwrite=overwrite)

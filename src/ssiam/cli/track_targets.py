@@ -67,7 +67,7 @@ class TargetSet:
             motion = self._group.motion if self._order else None
             self._begin(frame, starting)
             for index in starting:
-                tracks[index] = Track(self._targets[index].xywh, motion=motion)
+                tracks[index] = Track(self._targets[index].xywh, motion=motion, keyframe=True)
         return tracks
 
     def _begin(self, frame: Frame, starting: Sequence[int]) -> None:

@@ -2,7 +2,11 @@
 
 from ssiam.errors import AnnotationsError
 from ssiam.exchange.annotations import Annotation, Annotations, annotation_from_track
+from ssiam.exchange.blending import Blend, Keyframe, Run, Section, blend, sections
+from ssiam.exchange.corrections import read_any_annotations, read_corrections
+from ssiam.exchange.cvat import CvatShape
 from ssiam.exchange.detections import to_detections
+from ssiam.exchange.doubts import Doubt, doubtful_frames
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
 from ssiam.exchange.labelstudio import Timeline, timeline
 from ssiam.exchange.rerun import RerunLog
@@ -13,11 +17,22 @@ __all__ = [
     "Annotation",
     "Annotations",
     "AnnotationsError",
+    "Blend",
+    "CvatShape",
+    "Doubt",
     "ExportKind",
+    "Keyframe",
     "RerunLog",
+    "Run",
+    "Section",
     "Timeline",
     "annotation_from_track",
+    "blend",
+    "doubtful_frames",
     "read_annotations",
+    "read_any_annotations",
+    "read_corrections",
+    "sections",
     "timeline",
     "to_detections",
     "write_exports",

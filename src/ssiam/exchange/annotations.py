@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Final, TypeAlias
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, xywh_from_corners
 from ssiam.track import Track
 
 Corners: TypeAlias = tuple[tuple[float, float], ...]
@@ -41,6 +41,10 @@ class Annotation:
     score : float
     lost : bool
         The target is lost; the box is a guess and not to be displayed.
+    keyframe : bool
+        Given by a person, box or absence; else tracked.
+    mask : str or None
+        The target's pixels in the whole frame, as `ssiam.video.mask_codec` encodes them.
     """
 
     frame: int
@@ -50,6 +54,8 @@ class Annotation:
     corners: Corners | None = None
     score: float = 1.0
     lost: bool = False
+    keyframe: bool = False
+    mask: str | None = None
 
     @property
     def visible(self) -> bool:
@@ -75,6 +81,10 @@ class Annotations:
         In any order, each target at most once per frame; frames may be missing.
     length : int
         Number of frames of the video, if it is larger than the last frame of `rows` implies.
+    start, step : int
+        The annotated frames are `start`, ``start + step``, ... of the video.
+    image_names : tuple of str
+        Name of the image of each frame of the video, for folders of images; may be empty.
 
     Raises
     ------
@@ -87,6 +97,9 @@ class Annotations:
     names: tuple[str, ...]
     rows: tuple[Annotation, ...]
     length: int = 0
+    start: int = 0
+    step: int = 1
+    image_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if min(self.size_wh) < 1:
@@ -94,6 +107,11 @@ class Annotations:
         if not 0 < self.fps < math.inf:
             raise ArgumentError(
                 f"frame rate {self.fps} is not a positive number of frames per second"
+            )
+        if self.start < 0 or self.step < 1:
+            raise ArgumentError(
+                f"frames from {self.start} in steps of {self.step} are not possible: give a start "
+                "of at least 0 and a step of at least 1"
             )
         targets = max((row.target for row in self.rows), default=0)
         if targets > len(self.names):
@@ -105,6 +123,24 @@ class Annotations:
     def frame_count(self) -> int:
         """Number of frames of the video, as far as it is known."""
         return max(self.length, 1 + max((row.frame for row in self.rows), default=-1))
+
+    @property
+    def frames(self) -> range:
+        """The annotated frames of the video."""
+        return range(self.start, self.frame_count, self.step)
+
+    def every(self, start: int, step: int) -> Annotations:
+        """The annotations of frames `start`, ``start + step``, ... alone."""
+        kept = tuple(
+            row for row in self.rows if row.frame >= start and (row.frame - start) % step == 0
+        )
+        return replace(self, rows=kept, start=start, step=step, length=self.frame_count)
+
+    def image_name(self, frame: int) -> str:
+        """The name of a frame's image; ``frame_000000.jpg`` and so on for videos."""
+        if frame < len(self.image_names):
+            return self.image_names[frame]
+        return f"frame_{frame:06d}.jpg"
 
     def name(self, target: int) -> str:
         """The target's name, without unprintable characters, which some formats cannot hold."""
@@ -124,7 +160,7 @@ def annotation_from_track(
 ) -> Annotation:
     """The annotation of target number `target` (from 1) in a frame (from 0) at `time` seconds.
 
-    A box that is not finite counts as lost, without a box.
+    A box that is not finite counts as lost, without a box. The mask is left out.
     """
     is_finite = all(map(math.isfinite, track.box))
     corners = None
@@ -133,14 +169,14 @@ def annotation_from_track(
     x, y, w, h = map(float, track.box if is_finite else NO_BOX)
     score = float(track.score) if math.isfinite(track.score) else 0.0
     lost = bool(track.lost) or not is_finite
-    return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost)
+    return Annotation(frame_index, time, target, (x, y, w, h), corners, score, lost, track.keyframe)
 
 
-def visible_runs(rows: Sequence[Annotation]) -> Iterator[list[Annotation]]:
-    """Runs of consecutive frames in which one target is visible; `rows` are sorted by frame."""
+def visible_runs(rows: Sequence[Annotation], step: int = 1) -> Iterator[list[Annotation]]:
+    """Runs of frames, `step` apart, in which one target is visible; `rows` are sorted by frame."""
     run: list[Annotation] = []
     for row in rows:
-        if run and (not row.visible or row.frame != run[-1].frame + 1):
+        if run and (not row.visible or row.frame != run[-1].frame + step):
             yield run
             run = []
         if row.visible:
@@ -206,3 +242,32 @@ def rounded(values: Iterable[float], decimals: int = _DECIMALS) -> list[float]:
 def full_circle(degrees: float) -> float:
     """Rounded degrees in the range 0 to below 360."""
     return round(degrees, _DECIMALS) % 360
+
+
+def corners_of_rotated_box(box: RotatedBox) -> Corners:
+    """The corners of a rotated box, in order around it from its rotated top left one."""
+    cos, sin = math.cos(math.radians(box.degrees)), math.sin(math.radians(box.degrees))
+    w, h = box.w / 2, box.h / 2
+    return tuple(
+        (box.cx + cos * x - sin * y, box.cy + sin * x + cos * y)
+        for x, y in ((-w, -h), (w, -h), (w, h), (-w, h))
+    )
+
+
+def annotation_from_rotated_box(
+    frame: int,
+    time: float | None,
+    target: int,
+    box: RotatedBox,
+    *,
+    lost: bool = False,
+    keyframe: bool = False,
+) -> Annotation:
+    """The annotation of a box as annotation tools store it; upright at an angle of 0."""
+    if box.degrees == 0:
+        xywh = (box.cx - box.w / 2, box.cy - box.h / 2, box.w, box.h)
+        return Annotation(frame, time, target, xywh, lost=lost, keyframe=keyframe)
+    corners = corners_of_rotated_box(box)
+    return Annotation(
+        frame, time, target, xywh_from_corners(corners), corners, lost=lost, keyframe=keyframe
+    )

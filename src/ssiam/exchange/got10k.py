@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZipFile
 
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
+from ssiam.exchange.zip_entries import add_text
 from ssiam.outputs import atomic_write
 
 _LIST: Final = "list.txt"
@@ -21,9 +22,9 @@ _HIDDEN, _VISIBLE = 0, 8
 def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bool = True) -> None:
     """Write the zip; raises as `write_exports`.
 
-    Every file has one line per frame of the video, in 0-based pixels as in GOT-10k's toolkit.
-    Where a target is not visible its box is ``0,0,0,0`` and absence.label is 1. Rotated boxes are
-    written as their upright box. Unknown fields of meta_info.ini are "none".
+    Every file has one line per annotated frame of the video, in 0-based pixels as in GOT-10k's
+    toolkit. Where a target is not visible its box is ``0,0,0,0`` and absence.label is 1. Rotated
+    boxes are written as their upright box. Unknown fields of meta_info.ini are "none".
     """
     tracks = annotations.tracks()
     folders = list(_folders([annotations.name(target) for target in tracks]))
@@ -31,10 +32,10 @@ def write_got10k(annotations: Annotations, path: Path, video: str, overwrite: bo
         atomic_write(path, "wb", overwrite=overwrite) as file,
         ZipFile(file, "w", ZIP_DEFLATED) as archive,
     ):
-        _add(archive, _LIST, folders)
+        add_text(archive, _LIST, folders)
         for folder, (target, rows) in zip(folders, tracks.items(), strict=True):
             for name, lines in _files(annotations, annotations.name(target), rows, video):
-                _add(archive, f"{folder}/{name}", lines)
+                add_text(archive, f"{folder}/{name}", lines)
 
 
 def _folders(names: Sequence[str]) -> Iterator[str]:
@@ -54,7 +55,7 @@ def _files(
     annotations: Annotations, name: str, rows: Sequence[Annotation], video: str
 ) -> Iterator[tuple[str, list[str]]]:
     visible = {row.frame: row.xywh for row in rows if row.visible}
-    frames = range(annotations.frame_count)
+    frames = annotations.frames
     yield "groundtruth.txt", [_line(visible.get(frame, NO_BOX)) for frame in frames]
     yield "absence.label", [str(int(frame not in visible)) for frame in frames]
     yield "cover.label", [str(_VISIBLE if frame in visible else _HIDDEN) for frame in frames]
@@ -77,9 +78,9 @@ def _meta(annotations: Annotations, name: str, video: str) -> list[str]:
     width, height = annotations.size_wh
     values = {
         "url": video,
-        "begin": _clock(0),
+        "begin": _clock(float(annotations.start / annotations.fps)),
         "end": _clock(float(annotations.frame_count / annotations.fps)),
-        "anno_fps": f"{float(annotations.fps):g}Hz",
+        "anno_fps": f"{float(annotations.fps / annotations.step):g}Hz",
         "object_class": name,
         **dict.fromkeys(("motion_class", "major_class", "root_class", "motion_adverb"), "none"),
         "resolution": f"({width}, {height})",
@@ -90,11 +91,3 @@ def _meta(annotations: Annotations, name: str, video: str) -> list[str]:
 def _clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes // 60:02d}:{minutes % 60:02d}:{rest:02d}"
-
-
-def _add(archive: ZipFile, name: str, lines: Sequence[str]) -> None:
-    # A fixed date: the same annotations give the same bytes.
-    entry = ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-    entry.compress_type = ZIP_DEFLATED
-    entry.external_attr = 0o644 << 16
-    archive.writestr(entry, "".join(f"{line}\n" for line in lines))

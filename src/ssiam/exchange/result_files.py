@@ -13,12 +13,19 @@ from typing import Any, Final, TypeAlias
 
 from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
-from ssiam.video.results import COLUMNS
+from ssiam.video.mask_codec import decode_mask
+from ssiam.video.results import COLUMNS, MASK_COLUMN
 
 _Record: TypeAlias = Mapping[str, float | None]
+_Line: TypeAlias = tuple[_Record, str | None]  # values, and the mask
 
 _REQUIRED: Final = COLUMNS[: COLUMNS.index("y4") + 1]
-_LONGEST_LINE: Final = 2048  # bytes; those written by ssiam have less than 500
+_OPTIONAL: Final = ("keyframe",)  # absent in files of earlier versions
+_READ: Final = (*_REQUIRED, *_OPTIONAL)
+_LONGEST_LINE: Final = 2048  # bytes without a mask; those written by ssiam have less than 500
+_LONGEST_MASK: Final = 1 << 20  # bytes; an outline of 100,000 pixels has less
+_CSV_WITH_MASKS: Final = f",{MASK_COLUMN}".encode()  # end of the header
+_JSON_MASK: Final = f'"{MASK_COLUMN}": "'.encode()
 _MOST_LINES: Final = 1_000_000  # nine hours of one target at 30 frames per second
 _LARGEST_NUMBER: Final = 1e12  # whose square every format can still represent
 _LONGEST_VALUE: Final = 40  # characters of a bad value that a message quotes
@@ -59,9 +66,9 @@ def read_annotations(
         impossible.
     """
     rows: dict[tuple[int, int], Annotation] = {}
-    for number, record in _read_records(Path(path)):
+    for number, (record, mask) in _read_records(Path(path)):
         try:
-            row = _annotation(record)
+            row = _annotation(record, mask, size_wh)
         except ValueError as error:
             raise AnnotationsError(f"{path}: line {number}: {error}") from None
         if rows.setdefault((row.frame, row.target), row) is not row:
@@ -77,8 +84,10 @@ def read_annotations(
     return Annotations(size_wh, fps, tuple(named), tuple(rows.values()))
 
 
-def _annotation(record: _Record) -> Annotation:
+def _annotation(record: _Record, mask: str | None, size_wh: tuple[int, int]) -> Annotation:
     """The annotation of a line; `ValueError` with the reason if it is invalid."""
+    if mask is not None:
+        decode_mask(mask, size_wh)
     x, y, w, h = (record[name] for name in "xywh")
     points = [record[f"{axis}{number}"] for number in "1234" for axis in "xy"]
     known = [value for value in points if value is not None]
@@ -92,6 +101,8 @@ def _annotation(record: _Record) -> Annotation:
         tuple(zip(known[::2], known[1::2], strict=True)) if len(known) == len(points) else None,
         record["score"] or 0.0,
         is_waiting or bool(_whole(record, "lost", 0, 1)) or not has_box,
+        record["keyframe"] is not None and bool(_whole(record, "keyframe", 0, 1)),
+        mask,
     )
 
 
@@ -103,8 +114,8 @@ def _whole(record: _Record, name: str, lowest: int, highest: int) -> int:
     return int(value)
 
 
-def _read_records(path: Path) -> Iterator[tuple[int, _Record]]:
-    """Line number and values by column of every line.
+def _read_records(path: Path) -> Iterator[tuple[int, _Line]]:
+    """Line number, values by column, and mask of every line.
 
     Values are finite, or None if they are missing; booleans are 0 and 1.
 
@@ -125,10 +136,10 @@ def _read_records(path: Path) -> Iterator[tuple[int, _Record]]:
             raise AnnotationsError(f"{path}: line {number}: {_reason(error)}") from None
 
 
-def _parser(path: Path, lines: Iterator[tuple[int, bytes]]) -> Callable[[str], _Record]:
+def _parser(path: Path, lines: Iterator[tuple[int, bytes]]) -> Callable[[str], _Line]:
     suffix = path.suffix.lower()
     if suffix == ".jsonl":
-        return _json_record
+        return _json_values
     if suffix != ".csv":
         raise AnnotationsError(
             f"{path}: unknown kind of results; give a .csv or .jsonl of ssiam track --results"
@@ -140,16 +151,26 @@ def _parser(path: Path, lines: Iterator[tuple[int, bytes]]) -> Callable[[str], _
         raise AnnotationsError(
             f"{path}: line 1 has no column {missing[0]!r}; is it a file of ssiam track --results?"
         )
-    return partial(_csv_record, columns)
+    return partial(_csv_values, columns)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
     try:
         with path.open("rb") as file:
+            has_masks = False
             for number in count(1):
                 line = file.readline(_LONGEST_LINE + 1)
                 if not line:
                     return
+                has_masks |= number == 1 and line.rstrip().endswith(_CSV_WITH_MASKS)
+                if len(line) > _LONGEST_LINE and (has_masks or _JSON_MASK in line):
+                    line += file.readline(_LONGEST_MASK)
+                    if len(line) > _LONGEST_MASK:
+                        raise AnnotationsError(
+                            f"{path}: line {number} has over {_LONGEST_MASK} bytes"
+                        )
+                    yield number, line
+                    continue
                 if len(line) > _LONGEST_LINE:
                     raise AnnotationsError(f"{path}: line {number} has over {_LONGEST_LINE} bytes")
                 if number > _MOST_LINES:
@@ -161,25 +182,30 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
         raise AnnotationsError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def _csv_record(columns: Sequence[str], line: str) -> _Record:
+def _csv_values(columns: Sequence[str], line: str) -> _Line:
     words = line.strip().split(",")
     if len(words) != len(columns):
         raise ValueError(f"has {len(words)} values, but the header has {len(columns)}")
     values = dict(zip(columns, words, strict=True))
-    return {name: _number(name, values[name].strip() or None) for name in _REQUIRED}
+    words_by_name = {name: values.get(name, "").strip() or None for name in _READ}
+    record = {name: _number(name, word) for name, word in words_by_name.items()}
+    return record, values.get(MASK_COLUMN) or None
 
 
-def _json_record(line: str) -> _Record:
+def _json_values(line: str) -> _Line:
     values = json.loads(line)
     if not isinstance(values, dict):
         raise ValueError("is not a JSON object")
     missing = [name for name in _REQUIRED if name not in values]
     if missing:
         raise ValueError(f"has no {missing[0]!r}")
-    wrong = [name for name in _REQUIRED if isinstance(values[name], str | list | dict)]
+    wrong = [name for name in _READ if isinstance(values.get(name), str | list | dict)]
     if wrong:
         raise ValueError(f"{wrong[0]} is {str(values[wrong[0]])[:_LONGEST_VALUE]!r}, not a number")
-    return {name: _number(name, values[name]) for name in _REQUIRED}
+    mask = values.get(MASK_COLUMN)
+    if mask is not None and not isinstance(mask, str):
+        raise ValueError(f"mask is {str(mask)[:_LONGEST_VALUE]!r}, not text")
+    return {name: _number(name, values.get(name)) for name in _READ}, mask or None
 
 
 def _number(name: str, value: Any) -> float | None:

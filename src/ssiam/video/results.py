@@ -16,18 +16,23 @@ from ssiam.copying import NotCopyable
 from ssiam.errors import SinkError
 from ssiam.outputs import ClosedOnExit, PartFile, check_output, output_error
 from ssiam.track import Track
+from ssiam.video.mask_codec import encode_mask
 
 COLUMNS = (
     *("frame", "time", "target", "x", "y", "w", "h", "score", "lost"),
     *("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4"),
-    *("dx", "dy", "angle_rad", "inliers", "reliable"),
+    *("dx", "dy", "angle_rad", "inliers", "reliable", "keyframe"),
 )
 """Columns of .csv and keys of .jsonl.
 
 Pixels, 0-based; seconds; radians. `dx`, `dy` and `angle_rad` are the camera motion since the
-previous frame, at the image center; `inliers` is the share of points that agree with it. All
-columns after `target` are empty (null) while a target waits for the frame in which it begins.
+previous frame, at the image center; `inliers` is the share of points that agree with it.
+`keyframe`: the box was given by a person, not tracked. All columns after `target` are empty (null)
+while a target waits for the frame in which it begins.
 """
+
+MASK_COLUMN = "mask"
+"""Last column of results with masks: COCO's compressed run lengths (`ssiam.video.mask_codec`)."""
 
 STDOUT = "-"
 """Path of results that go to standard output, as JSON lines."""
@@ -38,7 +43,7 @@ _STDOUT_DEVICE = Path("/dev/stdout")
 _TEXT_LAYOUTS = ("otb", "vot", "mot")
 _BY_SUFFIX = {".csv": "csv", ".jsonl": "jsonl", ".txt": _TEXT_LAYOUTS[0]}
 
-_Value: TypeAlias = float | int | bool | None
+_Value: TypeAlias = float | int | bool | str | None
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,12 @@ class Row:
 
 
 def open_results(
-    path: str | Path, *, layout: str | None = None, targets: int = 1, overwrite: bool = True
+    path: str | Path,
+    *,
+    layout: str | None = None,
+    targets: int = 1,
+    overwrite: bool = True,
+    masks: bool = False,
 ) -> ResultSink:
     """Open a sink that writes the tracks of `targets` targets to `path`.
 
@@ -73,14 +83,18 @@ def open_results(
         for several, ``name.txt`` becomes ``name_1.txt``, ``name_2.txt``, ...
     overwrite : bool
         Whether existing files may be replaced.
+    masks : bool
+        Whether .csv and .jsonl have the column `MASK_COLUMN`.
 
     Raises
     ------
     SinkError
         A file cannot be written, or exists and `overwrite` is False, or the kind of file or the
-        layout is unknown.
+        layout is unknown, or it cannot hold masks.
     """
-    chosen = _LAYOUTS[_layout_name(Path(path), layout)]
+    if masks:
+        check_holds_masks(path)
+    chosen = (_WITH_MASKS if masks else _LAYOUTS)[_layout_name(Path(path), layout)]
     if str(path) == STDOUT:
         return ResultSink([_StandardOutput()], chosen, targets)
     paths = result_paths(path, layout=layout, targets=targets)
@@ -106,6 +120,14 @@ def result_paths(
     if targets == 1 or not chosen.one_target:
         return (path,)
     return tuple(path.with_name(f"{path.stem}_{i}{path.suffix}") for i in range(1, targets + 1))
+
+
+def check_holds_masks(path: str | Path | None) -> None:
+    """Raise `SinkError` unless these results can hold masks; None are none."""
+    if path is None:
+        raise SinkError("masks are written to the results: give --results NAME.csv or NAME.jsonl")
+    if _layout_name(Path(path), None) not in _WITH_MASKS:
+        raise SinkError(f"{path}: cannot hold masks: write .csv or .jsonl")
 
 
 def _layout_name(path: Path, layout: str | None) -> str:
@@ -301,8 +323,15 @@ def _record(row: Row) -> dict[str, _Value]:
         *(_rounded(track.score, _SCORE_DECIMALS), bool(track.lost)),
         *(_rounded(value, _PIXEL_DECIMALS) for value in corners),
         *_motion_values(track),
+        track.keyframe,
     )
     return dict(zip(COLUMNS, values, strict=True))
+
+
+def _record_with_mask(row: Row) -> dict[str, _Value]:
+    """`_record`, and the mask; None if the track has none."""
+    mask = None if row.track is None else row.track.mask
+    return {**_record(row), MASK_COLUMN: None if mask is None else encode_mask(mask)}
 
 
 def _csv_line(row: Row) -> str:
@@ -373,6 +402,14 @@ class _Layout:
     one_target: bool = False
 
 
+_WITH_MASKS = {
+    "csv": _Layout(
+        lambda row: _joined(_record_with_mask(row).values()),
+        header=",".join((*COLUMNS, MASK_COLUMN)),
+    ),
+    "jsonl": _Layout(lambda row: json.dumps(_record_with_mask(row), allow_nan=False)),
+}
+
 _LAYOUTS = {
     "csv": _Layout(_csv_line, header=",".join(COLUMNS)),
     "jsonl": _Layout(_json_line),
@@ -418,6 +455,8 @@ def _joined(values: Iterable[_Value]) -> str:
 def _text(value: _Value) -> str:
     if value is None:
         return ""
+    if isinstance(value, str):
+        return value
     if isinstance(value, float):
         return f"{value:.{_FINE_DECIMALS}f}".rstrip("0").rstrip(".")
     return str(int(value))
