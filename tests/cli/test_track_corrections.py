@@ -142,3 +142,11 @@ def test_a_stream_is_refused_before_it_is_read(truth, capsys):
     write_cvat("c.xml", [{0: truth[0]}])
     assert main(["track", "-", "--corrections", "c.xml", *KCF]) == 2
     assert "cannot be read from its end" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("view", ["stabilized", "locked"])
+def test_video_has_another_view(truth, capsys, view):
+    write_cvat("c.xml", [{0: truth[0], 39: truth[39]}])
+    assert track("--corrections", "c.xml", "--out", "o.mp4", "--view", view) == 0
+    assert len(decoded("o.mp4")[0]) == COUNT
+    assert f"view: {view}, planned for the whole clip" in capsys.readouterr().out
