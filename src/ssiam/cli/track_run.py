@@ -109,7 +109,7 @@ def run_track(
     targets : sequence of PlannedTarget
         At least one, in the order of their numbers.
     progress : sequence of RunProgress
-        Each is told of every frame and of the end.
+        Each receives every frame and the end.
 
     Raises
     ------

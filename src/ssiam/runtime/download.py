@@ -174,17 +174,17 @@ class _Transfer:
     def _expected(self, headers: Message, start: int) -> int | None:
         """Size of the whole file; `WeightsError` if the server has a file of another size."""
         length = headers.get("Content-Length", "")
-        told = start + int(length) if length.isdecimal() else None
+        stated = start + int(length) if length.isdecimal() else None
         ranged = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", headers.get("Content-Range", ""))
         if ranged is not None:
-            told = int(ranged[2])
-        if told is not None and self.file.size is not None and told != self.file.size:
+            stated = int(ranged[2])
+        if stated is not None and self.file.size is not None and stated != self.file.size:
             self._discard()
             raise WeightsError(
-                f"{self.file.address}: has {told} bytes, the published file has {self.file.size}; "
+                f"{self.file.address}: has {stated} bytes, the published file has {self.file.size}; "
                 "it was not downloaded"
             )
-        return self.file.size if told is None else told
+        return self.file.size if stated is None else stated
 
     def check(self) -> None:
         """Raise `WeightsError`, and discard the bytes, unless they are those of the publication."""

@@ -378,7 +378,7 @@ class PickSession:
 
 
 def target_name(number: int) -> str:
-    """Name of a target, by its place among the chosen ones: as the run numbers them."""
+    """Name of a target by its number among the chosen ones, as the run numbers them."""
     return f"target {number + 1}"
 
 
