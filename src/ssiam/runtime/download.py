@@ -181,8 +181,8 @@ class _Transfer:
         if stated is not None and self.file.size is not None and stated != self.file.size:
             self._discard()
             raise WeightsError(
-                f"{self.file.address}: has {stated} bytes, the published file has {self.file.size}; "
-                "it was not downloaded"
+                f"{self.file.address}: has {stated} bytes, the published file has "
+                f"{self.file.size}; it was not downloaded"
             )
         return self.file.size if stated is None else stated
 
