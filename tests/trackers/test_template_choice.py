@@ -111,7 +111,7 @@ def test_features_are_relative_to_the_surroundings():
 
 def test_the_mean_of_the_surroundings_is_subtracted():
     features = {BOX: (5.0, 1, 0), (160.0, 80.0, 40.0, 40.0): (4.0, 0, 0)}
-    made, tracker = memory([], features=features)
+    made, _ = memory([], features=features)
     np.testing.assert_allclose(made._target.surroundings, [1, 0, 0])
     np.testing.assert_allclose(made._target.first, np.array([4, 1, 0]) / np.sqrt(17))
     assert made.similarity(VIEW, BOX) == pytest.approx(1)
@@ -193,7 +193,10 @@ def test_a_long_term_template_is_replaced_in_its_place():
     assert made.similarity(VIEW, box(5)) == pytest.approx(1)
 
 
-def second(first, other, *, boxes=(box(1), box(1)), memory_of=(2,), **parameters):
+SAME = box(1), box(1)
+
+
+def second(first, other, *, boxes=SAME, memory_of=(2,), **parameters):
     """The track if the first template and a further one have these scores, and the calls."""
     tracks = [Track(box(number), 0.95) for number in memory_of]
     made, tracker = memory([*tracks, Track(boxes[0], first)], **{**QUICK, **parameters})
@@ -280,7 +283,7 @@ def test_seek_takes_no_template_and_remembers_its_box():
 
 
 def test_a_template_that_cannot_be_started_is_left_out(monkeypatch):
-    made, tracker = memory([Track(box(2), 0.9), Track(box(3), 0.9)], **QUICK)
+    made, _ = memory([Track(box(2), 0.9), Track(box(3), 0.9)], **QUICK)
     started = Given.init
 
     def refusing(self, view, xywh):
@@ -338,7 +341,7 @@ def test_the_slot_of_a_new_feature():
     assert selected_slot([first, other], other, 2, 0.0) is None
     assert selected_slot([first, other], same, 3, -1.0) == 2
     assert selected_slot([first, other, same], np.eye(3)[2], 3, 0.0) in (1, 2)
-    assert selected_slot([], first, 0, 0.0) is None
+    assert selected_slot([first], other, 1, 0.0) is None
 
 
 def test_the_diversity_of_three_features():
