@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.synthetic import generator, world
+from ssiam.motion import content as content_module
 from ssiam.motion.content import (
     _NO_BAR,
     Area,
@@ -340,3 +341,131 @@ def test_a_still_camera_has_no_bars():
     content = ContentDetector((640, 360))
     assert not any(content.update(frame) for _ in range(8))
     assert not content.uncertain
+
+
+def compared_and_searched(frames):
+    """The frames whose outermost lines are compared, and those in which bars are searched."""
+    detector, compared, searched = ContentDetector((640, 360)), [], []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            content_module, "_outermost", lambda *a: compared.append(number) or _outermost(*a)
+        )
+        find = detector._find_bars
+        detector._find_bars = lambda *a: searched.append(number) or find(*a)
+        for number, frame in enumerate(frames):  # noqa: B007
+            detector.update(frame)
+    return sorted(set(compared)), searched
+
+
+def test_a_changing_scene_is_compared_in_two_of_seven_frames():
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(24)]
+    compared, searched = compared_and_searched(frames)
+    assert compared == [0, 1, 7, 8, 14, 15, 21, 22]
+    assert searched == [0]
+
+
+def test_a_still_scene_is_searched_at_growing_intervals():
+    """After rests of 7, 15 and again 15 frames."""
+    compared, searched = compared_and_searched([scene((640, 360))] * 62)
+    assert compared == [0, 1, 8, 9, 10, 25, 26, 27, 42, 43, 44, 59, 60, 61]
+    assert searched == [0, 1, 9, 10, 26, 27, 43, 44, 60, 61]
+
+
+def test_bars_of_one_color_end_a_rest():
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(6)]
+    content = ContentDetector((640, 360))
+    for frame in frames[:4]:
+        content.update(frame)
+    assert content.update(with_bars(frames[4], (80, 0, 560, 360)))
+    assert content.area == Area(80, 0, 560, 360)
+    assert content.update(frames[5])
+    assert content.area == Area(0, 0, 640, 360)
+
+
+@pytest.mark.parametrize(("level", "compared"), [(24, True), (25, False)])
+def test_a_side_of_about_one_color_is_looked_at(level, compared):
+    """Its samples differ by up to 24 gray levels; the green channel counts."""
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(4)]
+    frames[3][:, 0] = 100
+    frames[3][::3, 0, 1] += np.uint8(level)
+    found, _ = compared_and_searched(frames)
+    assert (3 in found) is compared
+
+
+def test_a_detector_at_first():
+    content = ContentDetector((1280, 700))
+    assert content._scale == 4
+    assert content._small_wh == (320, 175)
+    assert (content.area, content.uncertain) == (Area(0, 0, 1280, 700), False)
+    small = ContentDetector((200, 100))
+    assert (small._scale, small._small_wh) == (1, (200, 100))
+    assert ContentDetector((3000, 2))._small_wh == (320, 1)
+    assert ContentDetector((2, 3000))._small_wh == (1, 320)
+
+
+def pattern_areas(count, seeds=None):
+    content = ContentDetector((640, 360))
+    found = []
+    for seed in seeds or range(count):
+        content.update(patterned(seed))
+        found.append((tuple(content.area), content.uncertain))
+    return content, found
+
+
+def test_a_pattern_stays_while_it_does_not_change():
+    content, found = pattern_areas(8)
+    assert [area[0] for area, _ in found] == [0, 0, 0, 80, 80, 80, 80, 80]
+    assert [uncertain for _, uncertain in found] == [False, True, True, True, *[False] * 4]
+    # A still frame changes nothing.
+    content.update(patterned(7))
+    assert content.area == Area(80, 0, 560, 360)
+
+
+def test_a_pattern_that_changes_is_content_at_once():
+    content, _ = pattern_areas(6)
+    assert content.update(scene((640, 360)))
+    assert content.area == Area(0, 0, 640, 360)
+
+
+def test_a_pattern_must_keep_its_depth():
+    def frame(depth, seed):
+        image = in_color(noise(360, 640, 0, 100, seed=99))
+        width = 640 - 2 * depth
+        image[:, depth : 640 - depth] = in_color(noise(360, width, 150, 256, seed=seed))
+        return image
+
+    content = ContentDetector((640, 360))
+    for seed, depth in enumerate((80, 80, 100, 100, 100)):
+        content.update(frame(depth, seed))
+        assert content.area == Area(0, 0, 640, 360)
+    content.update(frame(100, 5))
+    assert content.area == Area(100, 0, 540, 360)
+
+
+def blurred_frame(depth, seed):
+    """Noise between two dark ramps from top to bottom."""
+    frame = np.tile((np.arange(360) // 8).astype(np.uint8)[:, None], (1, 640))
+    frame[:, depth : 640 - depth] = noise(360, 640 - 2 * depth, 150, 256, seed=seed)
+    return in_color(frame)
+
+
+def test_blurred_bars_are_found_in_the_first_frame():
+    for depth in (60, 100, 180):
+        content = ContentDetector((640, 360))
+        assert content.update(blurred_frame(depth, 1))
+        assert content.area == Area(depth, 0, 640 - depth, 360)
+        assert not content.update(blurred_frame(depth, 2))
+
+
+def test_blurred_bars_of_different_depths_are_none():
+    frame = blurred_frame(100, 1)
+    frame[:, 540:560] = in_color(noise(360, 20, 150, 256))
+    content = ContentDetector((640, 360))
+    assert not content.update(frame)
+
+
+def test_blurred_bars_above_and_below():
+    content = ContentDetector((360, 640))
+    frame = np.ascontiguousarray(blurred_frame(100, 1).transpose(1, 0, 2))
+    assert content.update(frame)
+    assert content.area == Area(0, 100, 360, 540)
