@@ -320,6 +320,17 @@ def test_the_layout_of_strips(images, rendered):
     assert {each.get_linewidth() for each in handles} == {2.5}
 
 
+def test_rows_of_strips_are_as_high_as_their_frames(tmp_path, images, rendered):
+    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((16, 64, 3), np.uint8))
+    wide = lost_in((tmp_path / "wide.png",) * 40, 9)
+    strips = [Strip(lost_in(images, 9), (0, 7)), Strip(wide, (0, 7))]
+    draw_strips(strips, stabilized=False)
+    (figure,) = rendered
+    assert figure.get_size_inches() == pytest.approx([2.6 * 2 + 0.3, 2.6 * (0.75 + 0.25) + 0.7])
+    grid = figure.axes[0].get_gridspec()
+    assert list(grid.get_height_ratios()) == [0.75, 0.25]
+
+
 def test_labels_of_strips(images, rendered):
     stabilized = np.ones(40)
     stabilized[9] = 0

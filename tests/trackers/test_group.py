@@ -172,6 +172,8 @@ def test_a_frame_of_another_size_is_an_error_of_all():
         group.update(FRAME)
     with pytest.raises(FrameSizeError, match="160x120 pixels after frames of 320x240"):
         group.update(world(1, (160, 120)))
+    with pytest.raises(FrameSizeError, match="160x120 pixels after frames of 320x240"):
+        made(boxes=()).update(world(1, (160, 120)))
 
 
 def test_a_group_without_a_frame_is_refused():
