@@ -294,3 +294,18 @@ def test_iou_of_boxes():
 def test_the_identity_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         g.IDENTITY[0, 0] = 2
+
+
+def test_results_of_whole_numbers_are_floats():
+    ints = [[1, 2], [31, 2], [31, 42], [1, 42]]
+    assert g.map_points(np.eye(3, dtype=int), ints).dtype == np.float64
+    assert g.corners_from_xywh((1, 2, 30, 40)).dtype == np.float64
+    single = np.float32([[1, 2], [3, 5]])
+    assert g.map_points(np.eye(3), single).dtype == np.float64
+    found = g.xywh_from_corners(ints), g.area_preserving_xywh(ints), g.xywh_floats((1, 2, 3, 4))
+    assert all(type(value) is float for box in found for value in box)
+    assert g.iou((0, 0, 2, 2), (0, 0, 2, 4)).dtype == np.float64
+    precise = np.float32([[16777216, 0, 1, 1]])
+    assert g.iou(precise, precise + np.array([0.5, 0, 0, 0])) == pytest.approx(1 / 3)
+    box = g.map_box(np.eye(3), (np.int64(1), 2, 3, 4))
+    assert all(type(value) is float for value in box)

@@ -158,3 +158,12 @@ IOU_CASES = [
 def test_iou_and_distance(box, other, expected, distance):
     np.testing.assert_allclose(iou([box], [other]), [expected])
     np.testing.assert_allclose(center_distance([box], [other]), [distance])
+
+
+def test_distances_of_whole_numbers():
+    found = center_distance([[0, 0, 2, 2]], [[3, 4, 2, 2]])
+    assert found.tolist() == [5]
+    assert center_distance([[0, 0, 2, 2]], [[6, 4, 2, 4]], in_sizes=True) == pytest.approx(
+        [np.hypot(6 / 2, 5 / 4)]
+    )
+    assert found.dtype == np.float64

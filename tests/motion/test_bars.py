@@ -469,3 +469,96 @@ def test_blurred_bars_above_and_below():
     frame = np.ascontiguousarray(blurred_frame(100, 1).transpose(1, 0, 2))
     assert content.update(frame)
     assert content.area == Area(0, 100, 360, 540)
+
+
+def found_patterns(*depths):
+    """The depths that are returned if the unchanged areas have these depths, frame by frame."""
+    content = ContentDetector((200, 160))
+    gray = np.zeros((160, 200), np.int16)
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        for each in depths:
+            patch.setattr(content_module, "_unchanged_depths", lambda changed, each=each: each)
+            found.append(content._patterned(gray, gray))
+    return content, found
+
+
+NONE, BARS = [0] * 4, [20, 0, 20, 0]
+
+
+def test_a_pattern_is_confirmed_by_three_frames_of_about_its_depth():
+    """A pixel more or less is the same depth."""
+    wider, wide = [21, 0, 19, 0], [22, 0, 20, 0]
+    content, found = found_patterns(BARS, BARS, BARS)
+    assert found == [NONE, NONE, BARS]
+    assert content.uncertain
+    assert found_patterns(BARS, wider, BARS)[1] == [NONE, NONE, BARS]
+    assert found_patterns(BARS, wide, BARS, BARS, BARS)[1] == [NONE, NONE, NONE, NONE, BARS]
+    assert found_patterns(BARS, BARS, None, BARS)[1] == [NONE, NONE, NONE, BARS]
+
+
+def test_a_frame_without_a_pattern_starts_again():
+    content, found = found_patterns(BARS, BARS, NONE, BARS, BARS)
+    assert found == [NONE] * 5
+    assert content.uncertain
+    content, found = found_patterns(BARS, BARS, NONE)
+    assert not content.uncertain
+    assert found_patterns(BARS, BARS, NONE, BARS, BARS, BARS)[1][-1] == BARS
+
+
+def test_without_a_previous_frame_nothing_is_compared():
+    content = ContentDetector((200, 160))
+    assert content._patterned(None, np.zeros((160, 200), np.int16)) == NONE
+    assert not content.uncertain
+
+
+def test_pixels_change_by_more_than_three_levels():
+    content = ContentDetector((200, 160))
+    seen = []
+    gray = np.zeros((160, 200), np.int16)
+    later = gray.copy()
+    later[0, :4] = 3, -3, 4, -4
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            content_module, "_unchanged_depths", lambda changed: seen.append(changed) or NONE
+        )
+        content._patterned(gray, later)
+    assert seen[0][0, :5].tolist() == [False, False, True, True, False]
+    assert seen[0].sum() == 2
+
+
+def test_known_bars_stay_while_they_are_static():
+    content = ContentDetector((200, 160))
+    for bar, depth in zip(content._bars, BARS, strict=True):
+        bar.small = depth
+    content.uncertain = True
+    gray = np.zeros((160, 200), np.int16)
+    later = gray.copy()
+    later[:, 20:180] = 50
+    assert content._patterned(gray, later) == BARS
+    assert not content.uncertain
+    later[:, 2:5] = 50
+    assert content._patterned(gray, later) != BARS
+
+
+def test_depths_near_those_of_known_bars_are_theirs():
+    """Opposite bars are even within two pixels, and both end at a step or are known."""
+
+    def blurred(*found, known=NONE):
+        content = ContentDetector((200, 160))
+        for bar, depth in zip(content._bars, known, strict=True):
+            bar.small = depth
+        with pytest.MonkeyPatch.context() as patch:
+            depths = iter(found)
+            patch.setattr(content_module, "_blurred_depth", lambda lines: next(depths))
+            return content._blurred(np.zeros((160, 200), np.int16))
+
+    sure, unsure, none = (20, True), (20, False), (0, False)
+    assert blurred(sure, none, sure, none) == BARS
+    assert blurred(sure, none, (22, True), none) == [20, 0, 22, 0]
+    assert blurred(sure, none, (23, True), none) == NONE
+    assert blurred(sure, none, unsure, none) == NONE
+    assert blurred(none, sure, none, (18, True)) == [0, 20, 0, 18]
+    assert blurred(unsure, none, unsure, none, known=BARS) == BARS
+    assert blurred((19, False), none, (40, False), none, known=BARS) == BARS
+    assert blurred((18, False), none, unsure, none, known=BARS) == NONE

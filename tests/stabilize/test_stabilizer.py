@@ -227,3 +227,13 @@ def test_other_arguments_are_refused():
         Stabilizer("paper")
     with pytest.raises(ArgumentError, match=r"motion is .* give a Motion"):
         Stabilizer(StabilizerConfig("paper")).update(np.eye(3))
+
+
+def test_the_path_of_tilted_frames_is_that_of_the_mapped_center():
+    """A homography: the past position is divided by its weight."""
+    tilt = np.array([[1.0, 0.01, 4], [0, 1.02, -3], [2e-4, -1e-4, 1]])
+    path = CameraPath(2)
+    path.advance(Motion.none(SIZE, reliable=True))
+    path.advance(Motion.from_transform(tilt, SIZE))
+    (x, y), (u, v) = CENTER, map_points(np.linalg.inv(tilt), [CENTER])[0]
+    assert path.difference()[:2] == pytest.approx(((u - x) / 2, (v - y) / 2))
