@@ -165,6 +165,14 @@ def test_table_2_has_a_row_for_each_generator():
     )
 
 
+def test_several_trackers_are_listed_in_the_note():
+    found = summaries(
+        *(Given(f"{name}-paper-keypoints=gftt", {"girl": 2.0}) for name in ("csrt", "kcf", "mil"))
+    )
+    (note,) = table2(found).notes
+    assert "ours of csrt, kcf, mil on VOT2018" in note
+
+
 def test_table_3_has_a_row_for_each_value():
     found = summaries(Given("kcf-paper-tha=0.5", {"girl": 2.0}, scores()))
     table = table3(found)

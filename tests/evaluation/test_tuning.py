@@ -168,6 +168,9 @@ def test_a_damaged_study_is_an_error(dataset, tmp_path, content):
         pytest.param({"trackers": ("mil",)}, "trackers", id="trackers"),
         pytest.param({"seed": 1}, "seed", id="seed"),
         pytest.param({"stabilize": "literal"}, "stabilize", id="method"),
+        pytest.param(
+            {"seed": 1, "stabilize": "literal"}, "seed and stabilize", id="seed and method"
+        ),
     ],
 )
 def test_another_search_in_the_same_folder_is_refused(dataset, tmp_path, other, named):
