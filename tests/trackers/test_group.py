@@ -304,6 +304,20 @@ def test_trackers_start_on_the_raw_view_with_the_border_of_the_method(method, bo
     assert (view.raw is FRAME, view.is_raw, view.border, box) == (True, True, border, FIRST)
 
 
+def test_a_refused_frame_does_not_reach_the_camera():
+    tracker = StabilizedTracker(Scripted(), StabilizerConfig("predict"))
+    tracker.init(FRAME, FIRST)
+    camera = tracker._target.camera = Camera()
+    odd = world(1, (160, 120))
+    with pytest.raises(FrameSizeError, match="160x120 pixels after frames of 320x240"):
+        tracker.update(odd)
+    with pytest.raises(ArgumentError, match="a frame is a"):
+        tracker.update(FRAME, following="next")
+    with pytest.raises(ArgumentError, match="motion has size_wh"):
+        tracker.update(FRAME, motion=Motion.none((160, 120)))
+    assert camera.excluded == []
+
+
 class Unknown:
     """A camera whose motions are not reliable."""
 
