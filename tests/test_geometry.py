@@ -309,3 +309,19 @@ def test_results_of_whole_numbers_are_floats():
     assert g.iou(precise, precise + np.array([0.5, 0, 0, 0])) == pytest.approx(1 / 3)
     box = g.map_box(np.eye(3), (np.int64(1), 2, 3, 4))
     assert all(type(value) is float for value in box)
+
+
+@pytest.mark.parametrize(
+    ("frame", "shown"),
+    [
+        ([1, 2], "not list"),
+        ("frame", "not str"),
+        (np.zeros((4, 5), np.uint8), r"not \(4, 5\) uint8"),
+        (np.zeros((4, 5, 3), np.float32), r"not \(4, 5, 3\) float32"),
+        (np.zeros((4, 5, 2), np.uint8), r"not the shape \(4, 5, 2\)"),
+        (np.zeros((4, 0, 3), np.uint8), r"not the shape \(4, 0, 3\)"),
+    ],
+)
+def test_what_was_given_in_place_of_a_frame_is_told(frame, shown):
+    with pytest.raises(ArgumentError, match=shown):
+        g.check_frame(frame)

@@ -145,3 +145,10 @@ def test_a_flat_target_is_similar_to_nothing():
     assert model.similarity(flat, BOX) == (0, 0)
     textured = AppearanceModel(FrameView(world()), BOX)
     assert textured.similarity(flat, BOX) == (0, 0)
+
+
+def test_features_are_averaged_in_double_precision():
+    maps = np.random.default_rng(1).uniform(0, 1, (1, 4, 60, 60)).astype(np.float32)
+    found = box_feature(maps, 1.0, np.array([0.0, 0.0, 100.0, 100.0]))
+    mean = maps[0].astype(np.float64).mean(axis=(1, 2))
+    np.testing.assert_allclose(found, mean / np.linalg.norm(mean), rtol=1e-12)
