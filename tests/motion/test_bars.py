@@ -562,3 +562,11 @@ def test_depths_near_those_of_known_bars_are_theirs():
     assert blurred(unsure, none, unsure, none, known=BARS) == BARS
     assert blurred((19, False), none, (40, False), none, known=BARS) == BARS
     assert blurred((18, False), none, unsure, none, known=BARS) == NONE
+
+
+@pytest.mark.parametrize(("levels", "content"), [(5, True), (4, False)])
+def test_a_frame_that_deviates_by_less_than_two_and_a_half_levels_shows_nothing(levels, content):
+    frame = np.full((240, 320, 3), 100, np.uint8)
+    frame[:, ::2] += np.uint8(levels)  # a deviation of half of it
+    found = ContentDetector((320, 240))._find_bars(frame, [False] * 4)
+    assert (found is not None) is content
