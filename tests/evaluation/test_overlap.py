@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from helpers.any_regions import BOUNDS, BOXES, POLYGONS
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.measures.overlap import center_distance, toolkit_overlap, vot_overlap
+from ssiam.evaluation.measures.regions import Bounds, is_empty
 from ssiam.geometry import iou
 
 NAN = np.nan
@@ -167,3 +168,11 @@ def test_distances_of_whole_numbers():
         [np.hypot(6 / 2, 5 / 4)]
     )
     assert found.dtype == np.float64
+
+
+def test_rectangles_without_width_or_height_are_empty():
+    left, top, right, bottom = np.array(
+        [[0.0, 0, 5, 9], [5, 0, 5, 9], [6, 0, 5, 9], [0, 9, 5, 9], [0, 10, 5, 9]]
+    ).T
+    found = is_empty(Bounds(left, top, right, bottom))
+    assert found.tolist() == [False, True, True, True, True]

@@ -570,3 +570,15 @@ def test_a_frame_that_deviates_by_less_than_two_and_a_half_levels_shows_nothing(
     frame[:, ::2] += np.uint8(levels)  # a deviation of half of it
     found = ContentDetector((320, 240))._find_bars(frame, [False] * 4)
     assert (found is not None) is content
+
+
+@pytest.mark.parametrize(("width", "content"), [(8, True), (7, False)])
+def test_the_content_is_at_least_eight_pixels_wide_and_high(width, content):
+    left = (320 - width) // 2
+    gray = in_color(noise(240, 320))
+    for frame, area in (
+        (with_bars(gray, (left, 0, left + width, 240)), (320, 240)),
+        (with_bars(gray.transpose(1, 0, 2).copy(), (0, left, 240, left + width)), (240, 320)),
+    ):
+        detector = ContentDetector(area)
+        assert detector.update(np.ascontiguousarray(frame)) is content
