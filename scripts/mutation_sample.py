@@ -61,6 +61,8 @@ TESTS: Final = (
     "tests/cli/test_eval.py",
     "tests/cli/test_eval_layouts.py",
     "tests/cli/test_eval_one_pass.py",
+    "tests/cli/test_shaken_results.py",
+    "tests/cli/test_tables.py",
     "tests/cli/test_weights_import.py",
 )
 # Numbers copied from publications: a test could only repeat them.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ssiam.errors import ArgumentError
+from ssiam.evaluation.measures import compare
 from ssiam.evaluation.measures.compare import paired_difference
 
 
@@ -64,3 +65,38 @@ def test_no_common_sequence(other):
 def test_unknown_comparison():
     with pytest.raises(ArgumentError, match="mean, sum"):
         paired_difference({"a": 1.0}, {"a": 1.0}, over="median")
+
+
+def test_resamples_and_seed_by_default():
+    a, b = named([3, 1, 0, 2, 5]), named([1, 1, 1, 1, 4])
+    assert paired_difference(a, b) == paired_difference(a, b, resamples=10_000, seed=0)
+    few = paired_difference(a, b, resamples=8)
+    assert (8 * few.share_below_zero).is_integer()
+    assert paired_difference(a, b, resamples=9_999) != paired_difference(a, b)
+
+
+def test_resamples_are_drawn_in_parts(monkeypatch):
+    """The numbers are the same, in whatever parts they are drawn."""
+    a, b = named([3, 1, 0, 2, 5]), named([1, 1, 1, 1, 4])
+    whole = paired_difference(a, b, resamples=100)
+    for batch in (1, 4, 35, 499):
+        monkeypatch.setattr(compare, "_BATCH", batch)
+        assert paired_difference(a, b, resamples=100) == whole
+
+
+def test_the_interval_has_the_percentiles_of_the_resampled_means():
+    values = np.array([3.0, -1, 0, 2, 5])
+    drawn = np.random.default_rng(0).integers(0, 5, (10_000, 5))
+    means = values[drawn].mean(axis=1)
+    for over, factor in (("mean", 1), ("sum", 5)):
+        found = paired_difference(named(values), named(np.zeros(5)), over=over)
+        expected = np.percentile(means, (2.5, 97.5)) * factor
+        assert (found.low, found.high) == pytest.approx(tuple(expected))
+        assert found.share_below_zero == (means < 0).mean()
+        assert found.value == pytest.approx(1.8 * factor)
+    assert all(type(each) is float for each in (found.value, found.low, found.share_below_zero))
+
+
+def test_equal_results_are_not_below():
+    found = paired_difference(named([1, 2]), named([1, 2]))
+    assert found == compare.Difference(0, 0, 0, 0, 2)

@@ -22,7 +22,7 @@ from ssiam.evaluation.paper.camera_figures import (
     record_camera,
 )
 from ssiam.evaluation.paper.canvas import BLUE as INK
-from ssiam.evaluation.paper.canvas import GRAY, ORANGE
+from ssiam.evaluation.paper.canvas import GRAY, ORANGE, SMALL
 from ssiam.evaluation.paper.canvas import GREEN as TEAL
 from ssiam.evaluation.paper.figures import figures
 from ssiam.evaluation.paper.qualitative import Example, draw_boxes, largest_difference
@@ -385,3 +385,51 @@ def test_captions_name_the_window_the_border_and_the_kind_of_run(found):
     titles = {name: each.title for name, each in named_figures(found).items()}
     assert titles["ranking"].startswith("Ranking: success on ")
     assert titles["boxes"].endswith(", alone and stabilized")
+
+
+def test_widths_and_legends_of_the_camera_figures(rendered):
+    record = known_camera()
+    draw_path(record)
+    draw_correction(record)
+    path, correction = rendered
+    for panel in path.axes:
+        assert [line.get_linewidth() for line in panel.get_lines()] == [1.1, 1.7]
+        assert [line.get_label() for line in panel.get_lines()] == ["accumulated", "smoothed"]
+    for legend, columns in ((path.axes[0].get_legend(), 1), (correction.axes[0].get_legend(), 3)):
+        assert legend._ncols == columns
+        assert legend._loc == 0  # the best
+        assert {text.get_fontsize() for text in legend.get_texts()} == {SMALL}
+    assert correction.axes[1].get_legend() is None
+    assert path.axes[1].get_xlabel() == "frame"
+
+
+def test_figure_5_is_as_wide_as_both_frames(tmp_path, rendered):
+    frame = np.zeros((60, 80, 3), np.uint8)
+    frame[..., 0], frame[..., 2] = 10, 200
+    cv2.imwrite(str(tmp_path / "0.png"), frame)
+    cv2.imwrite(str(tmp_path / "1.png"), np.full_like(frame, 90))
+    images = (tmp_path / "0.png", tmp_path / "1.png")
+    sequence = VideoSequence("s", images, np.full((2, 4), np.nan))
+    record = known_camera()
+    record.stab_from_raw[0] = rigid(4, -3, 0)
+    draw_transformed(sequence, record, 0, 10)
+    (figure,) = rendered
+    inch = 4.6 / 80
+    assert figure.get_size_inches() == pytest.approx([180 * inch + 0.3, 80 * inch + 0.5])
+    original, transformed = (panel.get_images()[0].get_array() for panel in figure.axes)
+    assert original[0, 0].tolist() == [200, 0, 10]
+    assert transformed.shape == (80, 100, 3)
+    np.testing.assert_array_equal(transformed[7:67, 14:94], original)
+    assert not transformed[:7].any()
+    assert not transformed[:, :14].any()
+
+
+def test_the_corners_of_the_frame_decide_which_moved_most():
+    """Of a frame of 320 x 10 px, a rotation moves the right side most."""
+    record = known_camera()
+    record.stab_from_raw[:] = np.eye(3)
+    record.stab_from_raw[1, :2, 2] = 20, 0
+    record.stab_from_raw[2] = rigid(0, 0, 0.07, (0, 0))  # 22 px at the right side
+    assert most_moved(record, (320, 10)) == 2
+    assert most_moved(record, (10, 320)) == 2
+    assert most_moved(record, (200, 10)) == 1

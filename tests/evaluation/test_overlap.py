@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from helpers.any_regions import BOUNDS, BOXES, POLYGONS
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.measures.overlap import center_distance, toolkit_overlap, vot_overlap
+from ssiam.evaluation.measures.regions import Bounds, is_empty
 from ssiam.geometry import iou
 
 NAN = np.nan
@@ -158,3 +159,20 @@ IOU_CASES = [
 def test_iou_and_distance(box, other, expected, distance):
     np.testing.assert_allclose(iou([box], [other]), [expected])
     np.testing.assert_allclose(center_distance([box], [other]), [distance])
+
+
+def test_distances_of_whole_numbers():
+    found = center_distance([[0, 0, 2, 2]], [[3, 4, 2, 2]])
+    assert found.tolist() == [5]
+    assert center_distance([[0, 0, 2, 2]], [[6, 4, 2, 4]], in_sizes=True) == pytest.approx(
+        [np.hypot(6 / 2, 5 / 4)]
+    )
+    assert found.dtype == np.float64
+
+
+def test_rectangles_without_width_or_height_are_empty():
+    left, top, right, bottom = np.array(
+        [[0.0, 0, 5, 9], [5, 0, 5, 9], [6, 0, 5, 9], [0, 9, 5, 9], [0, 10, 5, 9]]
+    ).T
+    found = is_empty(Bounds(left, top, right, bottom))
+    assert found.tolist() == [False, True, True, True, True]

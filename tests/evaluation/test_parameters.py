@@ -6,7 +6,9 @@ from ssiam.errors import ArgumentError
 from ssiam.evaluation.parameters import (
     SEARCH_SPACES,
     Parameter,
+    check_method,
     default_values,
+    is_whole,
     searched_config,
     track_flags,
 )
@@ -93,3 +95,53 @@ def test_a_parameter_with_choices_has_an_empty_range():
     assert (parameter.low, parameter.high, parameter.step) == (0.0, 0.0, 1.0)
     assert parameter.holds("orb")
     assert not parameter.holds("gftt")
+
+
+@pytest.mark.parametrize(
+    ("name", "step"),
+    [
+        *((name, 1.0) for name in ("window", "border", "thx1", "thy1", "thx2", "thy2")),
+        *((name, 0.01) for name in ("gate", "tha", "shake", "memory", "smoothing", "margin")),
+    ],
+)
+def test_steps_of_each_setting(name, step):
+    high = 3 if step == 1 else 0.5
+    found = Parameter.parse(f"{name}=1:{high}" if step == 1 else f"{name}=0.1:{high}")
+    assert found.step == step
+    assert found.high == high
+    assert is_whole(name) == (name in ("window", "border"))
+
+
+def test_the_end_of_a_range_is_a_whole_number_of_steps():
+    assert Parameter.parse("margin=0.1:0.355").high == 0.35
+    assert Parameter.parse("margin=0:0.3").high == 0.3
+    assert Parameter.parse("thx1=0.5:3").high == 2.5
+    with pytest.raises(ArgumentError, match=r"in steps of 0\.01; give a wider range"):
+        Parameter.parse("margin=0.1:0.105")
+
+
+def test_ends_belong_to_a_range():
+    parameter = Parameter("thx1", 20, 40)
+    assert [parameter.holds(value) for value in (19, 20, 40, 41)] == [False, True, True, False]
+    assert str(parameter) == "thx1=20:40"
+    assert str(Parameter("turn", choices=("true", "false"))) == "turn=true,false"
+
+
+def test_search_spaces_by_default():
+    table_3 = ("thx1=20:120", "thx2=5:100", "tha=0.05:1")
+    assert {
+        "predict": ("memory=0:0.95", "smoothing=0:0.95", "margin=0:0.5"),
+        "paper": table_3,
+        "literal": table_3,
+    } == SEARCH_SPACES
+
+
+def test_the_border_is_a_setting_of_every_method():
+    for method in ("predict", "paper", "literal"):
+        check_method([Parameter("border", 0, 9), Parameter("keypoints")], method)
+    for name in ("window", "thx1", "judge", "tha_unit"):
+        with pytest.raises(ArgumentError, match="give --stabilize paper"):
+            check_method([Parameter(name)], "predict")
+    for name in ("choose", "find", "memory"):
+        with pytest.raises(ArgumentError, match="give --stabilize predict"):
+            check_method([Parameter(name)], "literal")

@@ -287,3 +287,12 @@ def test_each_protocol_has_a_folder_of_vot():
         "realtime": "realtime",
     }
     assert protocols.PROTOCOLS == ("vot", "ope", "realtime")
+
+
+def test_a_sequence_without_any_frame_is_an_error():
+    class Empty(Numbered):
+        def images(self, start=0):
+            return iter(())
+
+    with pytest.raises(SourceError, match="numbers: ends after 0 of 1 frames"):
+        run(Scripted(), Empty("numbers", (0,), np.array([TARGET])))

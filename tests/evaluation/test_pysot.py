@@ -17,6 +17,7 @@ from ssiam.evaluation.measures.eao import (
     interval_of,
     mean_or_nan,
 )
+from ssiam.evaluation.measures.overlap import vot_overlap
 from ssiam.evaluation.measures.trajectory import TrackedSequence
 from ssiam.evaluation.runs.result_files import read_results
 
@@ -137,7 +138,8 @@ def test_the_interval_of_a_year(name, year, interval):
 
 
 def test_unknown_years_are_refused():
-    with pytest.raises(ArgumentError, match=r"VOT2012 .* give --year"):
+    known = r"\(2015, 2016, 2017, 2018, 2019\)"
+    with pytest.raises(ArgumentError, match=rf"VOT2012 .* give --year {known}"):
         interval_of("VOT2018", 2012)
 
 
@@ -181,3 +183,56 @@ def test_the_mean_of_no_known_values_is_nan_without_a_warning():
     assert np.isnan(mean_or_nan(np.array([np.nan, np.nan])))
     assert np.isnan(mean_or_nan(np.array([])))
     assert mean_or_nan(np.array([np.nan, 0.25, 0.75])) == 0.5
+
+
+def overlaps_of(values, codes=None):
+    values = np.array(values, float)
+    run = trajectory(codes or "i" + (len(values) - 1) * "t", square(len(values)))
+    return pysot.Overlaps(run, values, values)
+
+
+def test_the_mean_of_runs_of_different_lengths():
+    first, second = overlaps_of([np.nan, 0.5, 0.25, np.nan]), overlaps_of([np.nan, 1.0])
+    found = pysot._mean_of_runs([first, second])
+    np.testing.assert_array_equal(found, [np.nan, 0.75, 0.25, np.nan])
+    both = pysot.MeasuredSequence(tracked("itttt"), (first, second))
+    assert both.accuracy == 0.5
+
+
+def test_fragments_have_the_share_of_tagged_frames():
+    """Of a failed fragment up to the next start; of the last one of the sequence's frames."""
+    tagged = np.zeros(24, bool)
+    tagged[4:10] = True
+    run = overlaps_of(np.linspace(0, 1, 20), "i" + 3 * "t" + "x----i" + 10 * "t")
+    first, last = pysot._fragments(run, tagged, 0.5)
+    assert (len(first.overlaps), first.failed) == (10, True)
+    assert first.weight == pytest.approx(0.5 * 6 / 10)
+    assert (len(last.overlaps), last.failed) == (11, False)
+    assert last.weight == pytest.approx(0.5 * 1 / 15)
+
+
+def test_bounds_of_accuracy_and_eao_differ_by_a_pixel():
+    """The region reaches the last column of the frame, which EAO does not count."""
+    width, height = SIZE
+    truth = np.tile([width - 11.0, 10, 10, 20], (12, 1))
+    sequence = VideoSequence("one", (), truth, size_wh=SIZE)
+    run = trajectory("i" + 11 * "t", truth)
+    regions = run.regions.copy()
+    regions[:, 2] = 9
+    shorter = type(run)(run.status, regions)
+    (found,) = pysot.measure(TrackedSequence(sequence, (shorter,))).overlaps
+    assert found.accuracy[11] == pytest.approx(
+        vot_overlap(regions[11:], truth[11:], (width, height))[0]
+    )
+    assert found.eao[11] == pytest.approx(
+        vot_overlap(regions[11:], truth[11:], (width - 1, height - 1))[0]
+    )
+
+
+def test_eao_is_the_mean_of_the_curve_over_the_interval():
+    run = tracked("i" + 14 * "t", shift=2)
+    assert np.isnan(scores(run, interval=None).eao)
+    low, high = Interval(3, 5)
+    curve = pysot.eao_curve([pysot.measure(run)])
+    assert scores(run, interval=Interval(3, 5)).eao == pytest.approx(curve[low - 1 : high].mean())
+    assert np.isnan(scores(run, tag="rain").robustness)

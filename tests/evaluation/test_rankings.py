@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from matplotlib.colors import is_color_like, to_hex
+from matplotlib.markers import MarkerStyle
 
 from helpers.benched import write_run, write_vot_year
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.measures.eao import INTERVALS
-from ssiam.evaluation.paper.canvas import COLORS
+from ssiam.evaluation.paper.canvas import COLORS, GRAY, SMALL, NothingToDrawError
 from ssiam.evaluation.paper.rankings import draw_eao_curve, draw_ranking
 from ssiam.evaluation.paper.summary import summarize
 
@@ -92,3 +93,92 @@ def test_other_datasets_have_a_success_plot_with_a_line_for_each_tracker(tmp_pat
     assert (panel.get_xlim(), panel.get_ylim()) == ((0, 1), (0, 1))
     assert panel.get_xlabel() == "overlap threshold"
     assert panel.get_ylabel() == "share of frames, supervised runs"
+
+
+def assert_finished(panel):
+    """A light grid below the data, two spines, and a legend beside the panel."""
+    assert panel.get_axisbelow() is True
+    assert {line.get_alpha() for line in panel.get_xgridlines()} == {0.25}
+    assert all(line.get_visible() for line in panel.get_ygridlines())
+    visible = {name: spine.get_visible() for name, spine in panel.spines.items()}
+    assert visible == {"left": True, "bottom": True, "top": False, "right": False}
+    legend = panel.get_legend()
+    assert legend._loc == 6  # center left
+    corner = panel.transAxes.inverted().transform(legend.get_bbox_to_anchor().p0)
+    assert corner == pytest.approx((1.02, 0.5))
+    assert not legend.get_frame_on()
+    assert {text.get_fontsize() for text in legend.get_texts()} == {SMALL}
+
+
+def test_the_size_and_style_of_a_ranking(found, rendered):
+    for draw in (draw_ranking, draw_eao_curve):
+        png = draw(found)
+        assert png.startswith(b"\x89PNG")
+        width, height = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
+        assert (width, height) == (8 * 130, 598)
+    for figure in rendered:
+        assert figure.get_size_inches() == pytest.approx([8, 4.6])
+        assert type(figure.get_layout_engine()).__name__ == "ConstrainedLayoutEngine"
+        assert_finished(figure.axes[0])
+
+
+def test_the_gray_interval_is_behind_the_lines(found, rendered):
+    draw_eao_curve(found)
+    (panel,) = rendered[0].axes
+    (interval,) = panel.patches
+    assert to_hex(interval.get_facecolor()) == GRAY
+    assert interval.get_alpha() == 0.6
+    assert (interval.get_linewidth(), interval.get_zorder()) == (0, 0)
+    assert {to_hex(line.get_color()) for line in panel.get_lines()} == set(COLORS[:2])
+    for line in panel.get_lines():
+        assert line.get_xdata()[-1] == len(line.get_ydata())
+
+
+METHODS = {"off": ("--", "o"), "paper": ("-", "s"), "literal": (":", "^"), "predict": ("-.", "D")}
+
+
+@pytest.fixture(scope="module")
+def of_all_methods(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("methods")
+    data = write_vot_year(folder / "VOT2018", {"one": 120})
+    for method in METHODS:
+        write_run(folder / "out", f"kcf-{method}", "one", "i" + "." * 119)
+    write_run(folder / "out", "kcf-paper-window=9", "one", "i" + "." * 119)
+    write_run(folder / "out", "mine", "one", "i" + "." * 119)
+    return summarize(folder / "out", open_dataset(data))
+
+
+def test_each_method_has_its_line_and_marker(of_all_methods, rendered):
+    draw_eao_curve(of_all_methods)
+    draw_ranking(of_all_methods)
+    curves, ranking = (figure.axes[0] for figure in rendered)
+    styles = {line.get_label().split()[0]: line.get_linestyle() for line in curves.get_lines()}
+    expected = {f"kcf-{method}": line for method, (line, _) in METHODS.items()}
+    assert styles == {**expected, "mine": "--"}, "changed settings are left out"
+    points = dict(zip(legend_of(ranking), ranking.collections, strict=True))
+    for method, (_, marker) in METHODS.items():
+        point = points[f"kcf-{method}"]
+        shape = MarkerStyle(marker)
+        outline = shape.get_path().transformed(shape.get_transform())
+        np.testing.assert_allclose(point.get_paths()[0].vertices, outline.vertices)
+        assert point.get_sizes() == [70]
+        assert point.get_linewidths() == [1.8]
+    assert points["mine"].get_facecolor().size == 0
+
+
+def test_a_plot_of_success_without_any_results_is_refused(tmp_path):
+    data = write_vot_year(tmp_path / "clips", {"one": 20})
+    write_run(tmp_path / "out", "kcf-paper-window=9", "one", "i" + "." * 19)
+    with pytest.raises(NothingToDrawError, match="no tracker has results to rank"):
+        draw_ranking(summarize(tmp_path / "out", open_dataset(data)))
+
+
+def test_colors_repeat_after_the_last_one(tmp_path, rendered):
+    data = write_vot_year(tmp_path / "clips", {"one": 20})
+    for number in range(9):
+        write_run(tmp_path / "out", f"tracker{number}-off", "one", "i" + "." * 19)
+    draw_ranking(summarize(tmp_path / "out", open_dataset(data)))
+    lines = rendered[0].axes[0].get_lines()
+    assert [line.get_color() for line in lines] == [*COLORS, *COLORS[:2]]
+    assert {line.get_xdata()[0] for line in lines} == {0}
+    assert all("1.000" in line.get_label() or "0.9" in line.get_label() for line in lines)

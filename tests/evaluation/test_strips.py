@@ -105,8 +105,10 @@ def test_without_a_pair_there_is_nothing_to_draw(tmp_path):
     summaries = found(tmp_path, {("kcf-off", "one"): LOST})
     with pytest.raises(NothingToDrawError, match="both off and paper or predict results"):
         examples(summaries)
-    with pytest.raises(NothingToDrawError, match="of two"):
+    with pytest.raises(NothingToDrawError, match=r"of two$"):
         examples(summaries, ["two"])
+    with pytest.raises(NothingToDrawError, match=r"of two, one$"):
+        examples(summaries, ["two", "one"])
 
 
 def colors(patches):

@@ -84,6 +84,13 @@ def test_a_similar_name_is_proposed(tmp_path):
     )
 
 
+def test_all_similar_names_are_proposed(tmp_path):
+    for name in ("bag", "Basket-ball", "Basketball"):
+        write(tmp_path, name, "itttt")
+    (note,) = read_results(tmp_path, [sequence("bag"), sequence("basketball")]).notes
+    assert "(is Basket-ball or Basketball meant?" in note
+
+
 @pytest.mark.parametrize(("length", "measured"), [(3, 3), (8, 5)])
 def test_runs_of_another_length_are_measured_over_the_common_frames(tmp_path, length, measured):
     path = write(tmp_path, "bag", "itttt")

@@ -2,6 +2,7 @@
 
 import builtins
 import functools
+from dataclasses import replace
 
 import pytest
 
@@ -12,8 +13,12 @@ from ssiam.evaluation import tuning
 from ssiam.evaluation.paper.summary import parse_label
 from ssiam.evaluation.parameters import Parameter
 from ssiam.evaluation.runs.bench import TaskResult
-from ssiam.evaluation.tuning import FinishedTrial, Search, TuningError, tune
+from ssiam.evaluation.runs.entries import Entry
+from ssiam.evaluation.tuning import FinishedTrial, Search, TrialError, TuningError, tune
+from ssiam.runtime import RuntimeOptions
+from ssiam.runtime.files import weights_sha256
 from ssiam.stabilize import StabilizerConfig
+from ssiam.trackers.lite import SHIPPED
 
 paper_search = functools.partial(Search, stabilize="paper")
 SEARCHED = tuple(map(Parameter.parse, ("thx2=2:40", "tha=0.01:0.5", "keypoints=gftt,orb")))
@@ -168,6 +173,9 @@ def test_a_damaged_study_is_an_error(dataset, tmp_path, content):
         pytest.param({"trackers": ("mil",)}, "trackers", id="trackers"),
         pytest.param({"seed": 1}, "seed", id="seed"),
         pytest.param({"stabilize": "literal"}, "stabilize", id="method"),
+        pytest.param(
+            {"seed": 1, "stabilize": "literal"}, "seed and stabilize", id="seed and method"
+        ),
     ],
 )
 def test_another_search_in_the_same_folder_is_refused(dataset, tmp_path, other, named):
@@ -194,3 +202,54 @@ def test_missing_optuna_names_the_extra(dataset, tmp_path, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MissingExtraError, match=r"ssiam\[bench\]"):
         list(tune(paper_search(dataset, ("kcf",), SEARCHED, tmp_path), 1))
+
+
+def test_what_identifies_a_search(dataset, tmp_path):
+    options = RuntimeOptions(threads=3)
+    search = Search(dataset, ("kcf",), (Parameter.parse("margin=0:0.5"),), tmp_path, seed=4)
+    identity = {
+        "trackers": ["kcf"],
+        "parameters": ["margin=0:0.5"],
+        "sequences": ["clip0", "clip1"],
+        "seed": 4,
+        "runtime": {},
+        "weights": {},
+        "stabilize": "predict",
+    }
+    assert tuning._identity(search) == identity
+    search = replace(search, options=options, seed=0)
+    assert tuning._identity(search) == {**identity, "seed": 0, "runtime": {"threads": 3}}
+    lite = replace(search, trackers=("lite", "kcf"), weights={"lite": SHIPPED})
+    assert tuning._identity(lite)["weights"] == {"lite": weights_sha256(SHIPPED)}
+    assert tuning._entries(lite, StabilizerConfig("off"))[0] == Entry(
+        "lite", StabilizerConfig("off"), SHIPPED, options
+    )
+    defaults = Search(dataset, ("kcf",), (), tmp_path)
+    assert (defaults.weights, defaults.seed, defaults.stabilize) == ({}, 0, "predict")
+    assert defaults.options == RuntimeOptions()
+
+
+def test_the_overlap_of_a_trial_is_the_mean_of_its_runs(dataset, tmp_path, monkeypatch):
+    search = paper_search(dataset, ("kcf",), (), tmp_path)
+
+    def of(*overlaps):
+        results = [TaskResult("kcf", "s", 9, 2, each) for each in overlaps]
+        monkeypatch.setattr(tuning, "run_all", lambda *given: results)
+        return tuning._measured(search, StabilizerConfig("paper"), 1)
+
+    assert of(0.5, 0.25, float("nan")) == (6, 0.375)
+    assert of(float("nan")) == (2, 0)
+
+
+def test_a_trial_with_a_failed_run_says_how_many(dataset, tmp_path, monkeypatch):
+    search = paper_search(dataset, ("kcf",), (), tmp_path)
+    good, bad = (
+        TaskResult("kcf-paper", "clip0", 9, 2, 0.5),
+        TaskResult("kcf-paper", "clip1", failed="no"),
+    )
+    monkeypatch.setattr(tuning, "run_all", lambda *given: [good, bad])
+    with pytest.raises(TrialError, match=r"1 of the 2 runs .* The first: kcf-paper on clip1: no"):
+        tuning._measured(search, StabilizerConfig("paper"), 1)
+    monkeypatch.setattr(tuning, "run_all", lambda *given: [bad, bad])
+    with pytest.raises(TuningError, match=r"^kcf-paper on clip1: no$"):
+        tuning._measured(search, StabilizerConfig("paper"), 1)

@@ -10,7 +10,12 @@ import yaml
 from helpers.vot_sequences import write_sequence
 from ssiam.errors import ArgumentError, DatasetError, SinkError
 from ssiam.evaluation.runs.entries import Entry
-from ssiam.evaluation.vot.workspace import _interval_for, write_workspace
+from ssiam.evaluation.vot.workspace import (
+    _interval_for,
+    _is_official,
+    left_out,
+    write_workspace,
+)
 from ssiam.stabilize import StabilizerConfig
 
 OFF, PAPER = StabilizerConfig("off"), StabilizerConfig("paper")
@@ -134,3 +139,123 @@ def test_a_folder_that_cannot_be_created(sequences, tmp_path):
 )
 def test_the_interval_fits_the_shortest_sequence(lengths, interval):
     assert _interval_for(lengths) == interval
+
+
+def test_the_stack_of_a_supervised_run(sequences, tmp_path):
+    write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences)
+    assert read_yaml(tmp_path / "ws" / "stack.yaml") == {
+        "title": "Supervised runs",
+        "experiments": {
+            "baseline": {
+                "type": "supervised",
+                "repetitions": 1,
+                "skip_initialize": 5,
+                "analyses": [
+                    {"type": "supervised_average_ar", "sensitivity": 30},
+                    {"type": "supervised_eao_score", "low": 20, "high": 60},
+                    {"type": "supervised_eao_curve"},
+                ],
+            }
+        },
+    }
+
+
+def test_sections_of_the_registry(sequences, tmp_path):
+    write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences)
+    for name, section in registry(tmp_path / "ws").items():
+        if name != "DEFAULT":
+            assert list(section) == ["label", "protocol", "command", "timeout"]
+            assert (section["label"], section["timeout"]) == (name, "60")
+
+
+@pytest.mark.parametrize(
+    ("stack", "official"),
+    [
+        ("vot2018/shortterm", True),
+        ("tests", True),
+        ("vot2018/a/b", False),
+        ("VOT2018", False),
+        ("own.yaml", False),
+        ("/vot2018", False),
+        ("", False),
+    ],
+)
+def test_names_of_official_stacks(stack, official, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert _is_official(stack) is official
+    (tmp_path / "tests").touch()
+    assert not _is_official("tests"), "a file of this name"
+
+
+def test_an_official_stack_may_run_on_ones_own_sequences(sequences, tmp_path):
+    folder = tmp_path / "ws"
+    assert write_workspace(folder, ENTRIES, stack="vot2018", sequences=sequences) == 3
+    assert not (folder / "stack.yaml").exists()
+    assert len((folder / "sequences" / "list.txt").read_text().splitlines()) == 3
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    sequences.rename(inside / "sequences")
+    assert write_workspace(inside, ENTRIES, stack="vot2018") == 3
+
+
+def test_folders_that_are_left_out_have_a_reason(sequences, tmp_path):
+    (sequences / ".hidden").mkdir()
+    (sequences / "file.txt").touch()
+    (sequences / "empty").mkdir()
+    (sequences / "empty" / "groundtruth.txt").touch()
+    first, second = left_out(tmp_path / "ws", sequences)
+    assert first.startswith("empty: left out, ")
+    assert "\n" not in first
+    assert second == "notes: left out, has no groundtruth.txt"
+    listed = sequences / "list.txt"
+    listed.write_text("bag\n\n  car \n")
+    assert left_out(tmp_path / "ws", sequences) == [
+        f"{name}: left out, not in {listed}" for name in ("ants", "empty", "notes")
+    ]
+    assert left_out(tmp_path / "ws") == []
+    (tmp_path / "ws").mkdir()
+    sequences.rename(tmp_path / "ws" / "sequences")
+    assert [line.partition(":")[0] for line in left_out(tmp_path / "ws")] == [
+        *("ants", "empty", "notes")
+    ]
+
+
+def test_a_list_in_the_sequences_folder_decides(sequences, tmp_path):
+    (sequences / "list.txt").write_text("bag\n\n  car \n")
+    assert write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences) == 2
+    listed = (tmp_path / "ws" / "sequences" / "list.txt").read_text().splitlines()
+    assert listed == [str(sequences / "bag"), str(sequences / "car")]
+
+
+def test_damaged_sequences_are_left_out_unless_all_are(sequences, tmp_path):
+    (sequences / "bag" / "groundtruth.txt").write_text("x\n")
+    assert write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences) == 2
+    (sequences / "list.txt").write_text("bag\n")
+    with pytest.raises(DatasetError, match="bag"):
+        write_workspace(tmp_path / "other", ENTRIES, sequences=sequences)
+    (sequences / "list.txt").unlink()
+    for name in ("ants", "car"):
+        (sequences / name / "groundtruth.txt").write_text("x\n")
+    with pytest.raises(DatasetError, match="ants"):
+        write_workspace(tmp_path / "other", ENTRIES, sequences=sequences)
+
+
+def test_inputs_are_not_replaced(sequences, tmp_path):
+    folder = tmp_path / "ws"
+    folder.mkdir()
+    (folder / "stack.yaml").write_text("title: mine\n")
+    stack = str(folder / "stack.yaml")
+    for options in (
+        {"stack": stack, "sequences": sequences},
+        {"sequences": sequences, "entries": [Entry("siamfc", OFF, folder / "stack.yaml")]},
+    ):
+        entries = options.pop("entries", ENTRIES)
+        with pytest.raises(ArgumentError):
+            write_workspace(folder, entries, force=True, **options)
+    assert (folder / "stack.yaml").read_text() == "title: mine\n"
+
+
+@pytest.mark.parametrize("length", [2, 3, 9, 10, 100])
+def test_ends_of_the_interval_are_two_ninths_and_two_thirds(length):
+    expected = max(1, round(length * 2 / 9)), max(1, round(length * 2 / 3))
+    assert _interval_for([length, 200]) == expected

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.synthetic import generator, world
+from ssiam.motion import content as content_module
 from ssiam.motion.content import (
     _NO_BAR,
     Area,
@@ -340,3 +341,244 @@ def test_a_still_camera_has_no_bars():
     content = ContentDetector((640, 360))
     assert not any(content.update(frame) for _ in range(8))
     assert not content.uncertain
+
+
+def compared_and_searched(frames):
+    """The frames whose outermost lines are compared, and those in which bars are searched."""
+    detector, compared, searched = ContentDetector((640, 360)), [], []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            content_module, "_outermost", lambda *a: compared.append(number) or _outermost(*a)
+        )
+        find = detector._find_bars
+        detector._find_bars = lambda *a: searched.append(number) or find(*a)
+        for number, frame in enumerate(frames):  # noqa: B007
+            detector.update(frame)
+    return sorted(set(compared)), searched
+
+
+def test_a_changing_scene_is_compared_in_two_of_seven_frames():
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(24)]
+    compared, searched = compared_and_searched(frames)
+    assert compared == [0, 1, 7, 8, 14, 15, 21, 22]
+    assert searched == [0]
+
+
+def test_a_still_scene_is_searched_at_growing_intervals():
+    """After rests of 7, 15 and again 15 frames."""
+    compared, searched = compared_and_searched([scene((640, 360))] * 62)
+    assert compared == [0, 1, 8, 9, 10, 25, 26, 27, 42, 43, 44, 59, 60, 61]
+    assert searched == [0, 1, 9, 10, 26, 27, 43, 44, 60, 61]
+
+
+def test_bars_of_one_color_end_a_rest():
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(6)]
+    content = ContentDetector((640, 360))
+    for frame in frames[:4]:
+        content.update(frame)
+    assert content.update(with_bars(frames[4], (80, 0, 560, 360)))
+    assert content.area == Area(80, 0, 560, 360)
+    assert content.update(frames[5])
+    assert content.area == Area(0, 0, 640, 360)
+
+
+@pytest.mark.parametrize(("level", "compared"), [(24, True), (25, False)])
+def test_a_side_of_about_one_color_is_looked_at(level, compared):
+    """Its samples differ by up to 24 gray levels; the green channel counts."""
+    frames = [in_color(noise(360, 640, seed=seed)) for seed in range(4)]
+    frames[3][:, 0] = 100
+    frames[3][::3, 0, 1] += np.uint8(level)
+    found, _ = compared_and_searched(frames)
+    assert (3 in found) is compared
+
+
+def test_a_detector_at_first():
+    content = ContentDetector((1280, 700))
+    assert content._scale == 4
+    assert content._small_wh == (320, 175)
+    assert (content.area, content.uncertain) == (Area(0, 0, 1280, 700), False)
+    small = ContentDetector((200, 100))
+    assert (small._scale, small._small_wh) == (1, (200, 100))
+    assert ContentDetector((3000, 2))._small_wh == (320, 1)
+    assert ContentDetector((2, 3000))._small_wh == (1, 320)
+
+
+def pattern_areas(count, seeds=None):
+    content = ContentDetector((640, 360))
+    found = []
+    for seed in seeds or range(count):
+        content.update(patterned(seed))
+        found.append((tuple(content.area), content.uncertain))
+    return content, found
+
+
+def test_a_pattern_stays_while_it_does_not_change():
+    content, found = pattern_areas(8)
+    assert [area[0] for area, _ in found] == [0, 0, 0, 80, 80, 80, 80, 80]
+    assert [uncertain for _, uncertain in found] == [False, True, True, True, *[False] * 4]
+    # A still frame changes nothing.
+    content.update(patterned(7))
+    assert content.area == Area(80, 0, 560, 360)
+
+
+def test_a_pattern_that_changes_is_content_at_once():
+    content, _ = pattern_areas(6)
+    assert content.update(scene((640, 360)))
+    assert content.area == Area(0, 0, 640, 360)
+
+
+def test_a_pattern_must_keep_its_depth():
+    def frame(depth, seed):
+        image = in_color(noise(360, 640, 0, 100, seed=99))
+        width = 640 - 2 * depth
+        image[:, depth : 640 - depth] = in_color(noise(360, width, 150, 256, seed=seed))
+        return image
+
+    content = ContentDetector((640, 360))
+    for seed, depth in enumerate((80, 80, 100, 100, 100)):
+        content.update(frame(depth, seed))
+        assert content.area == Area(0, 0, 640, 360)
+    content.update(frame(100, 5))
+    assert content.area == Area(100, 0, 540, 360)
+
+
+def blurred_frame(depth, seed):
+    """Noise between two dark ramps from top to bottom."""
+    frame = np.tile((np.arange(360) // 8).astype(np.uint8)[:, None], (1, 640))
+    frame[:, depth : 640 - depth] = noise(360, 640 - 2 * depth, 150, 256, seed=seed)
+    return in_color(frame)
+
+
+def test_blurred_bars_are_found_in_the_first_frame():
+    for depth in (60, 100, 180):
+        content = ContentDetector((640, 360))
+        assert content.update(blurred_frame(depth, 1))
+        assert content.area == Area(depth, 0, 640 - depth, 360)
+        assert not content.update(blurred_frame(depth, 2))
+
+
+def test_blurred_bars_of_different_depths_are_none():
+    frame = blurred_frame(100, 1)
+    frame[:, 540:560] = in_color(noise(360, 20, 150, 256))
+    content = ContentDetector((640, 360))
+    assert not content.update(frame)
+
+
+def test_blurred_bars_above_and_below():
+    content = ContentDetector((360, 640))
+    frame = np.ascontiguousarray(blurred_frame(100, 1).transpose(1, 0, 2))
+    assert content.update(frame)
+    assert content.area == Area(0, 100, 360, 540)
+
+
+def found_patterns(*depths):
+    """The depths that are returned if the unchanged areas have these depths, frame by frame."""
+    content = ContentDetector((200, 160))
+    gray = np.zeros((160, 200), np.int16)
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        for each in depths:
+            patch.setattr(content_module, "_unchanged_depths", lambda changed, each=each: each)
+            found.append(content._patterned(gray, gray))
+    return content, found
+
+
+NONE, BARS = [0] * 4, [20, 0, 20, 0]
+
+
+def test_a_pattern_is_confirmed_by_three_frames_of_about_its_depth():
+    """A pixel more or less is the same depth."""
+    wider, wide = [21, 0, 19, 0], [22, 0, 20, 0]
+    content, found = found_patterns(BARS, BARS, BARS)
+    assert found == [NONE, NONE, BARS]
+    assert content.uncertain
+    assert found_patterns(BARS, wider, BARS)[1] == [NONE, NONE, BARS]
+    assert found_patterns(BARS, wide, BARS, BARS, BARS)[1] == [NONE, NONE, NONE, NONE, BARS]
+    assert found_patterns(BARS, BARS, None, BARS)[1] == [NONE, NONE, NONE, BARS]
+
+
+def test_a_frame_without_a_pattern_starts_again():
+    content, found = found_patterns(BARS, BARS, NONE, BARS, BARS)
+    assert found == [NONE] * 5
+    assert content.uncertain
+    content, found = found_patterns(BARS, BARS, NONE)
+    assert not content.uncertain
+    assert found_patterns(BARS, BARS, NONE, BARS, BARS, BARS)[1][-1] == BARS
+
+
+def test_without_a_previous_frame_nothing_is_compared():
+    content = ContentDetector((200, 160))
+    assert content._patterned(None, np.zeros((160, 200), np.int16)) == NONE
+    assert not content.uncertain
+
+
+def test_pixels_change_by_more_than_three_levels():
+    content = ContentDetector((200, 160))
+    seen = []
+    gray = np.zeros((160, 200), np.int16)
+    later = gray.copy()
+    later[0, :4] = 3, -3, 4, -4
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            content_module, "_unchanged_depths", lambda changed: seen.append(changed) or NONE
+        )
+        content._patterned(gray, later)
+    assert seen[0][0, :5].tolist() == [False, False, True, True, False]
+    assert seen[0].sum() == 2
+
+
+def test_known_bars_stay_while_they_are_static():
+    content = ContentDetector((200, 160))
+    for bar, depth in zip(content._bars, BARS, strict=True):
+        bar.small = depth
+    content.uncertain = True
+    gray = np.zeros((160, 200), np.int16)
+    later = gray.copy()
+    later[:, 20:180] = 50
+    assert content._patterned(gray, later) == BARS
+    assert not content.uncertain
+    later[:, 2:5] = 50
+    assert content._patterned(gray, later) != BARS
+
+
+def test_depths_near_those_of_known_bars_are_theirs():
+    """Opposite bars are even within two pixels, and both end at a step or are known."""
+
+    def blurred(*found, known=NONE):
+        content = ContentDetector((200, 160))
+        for bar, depth in zip(content._bars, known, strict=True):
+            bar.small = depth
+        with pytest.MonkeyPatch.context() as patch:
+            depths = iter(found)
+            patch.setattr(content_module, "_blurred_depth", lambda lines: next(depths))
+            return content._blurred(np.zeros((160, 200), np.int16))
+
+    sure, unsure, none = (20, True), (20, False), (0, False)
+    assert blurred(sure, none, sure, none) == BARS
+    assert blurred(sure, none, (22, True), none) == [20, 0, 22, 0]
+    assert blurred(sure, none, (23, True), none) == NONE
+    assert blurred(sure, none, unsure, none) == NONE
+    assert blurred(none, sure, none, (18, True)) == [0, 20, 0, 18]
+    assert blurred(unsure, none, unsure, none, known=BARS) == BARS
+    assert blurred((19, False), none, (40, False), none, known=BARS) == BARS
+    assert blurred((18, False), none, unsure, none, known=BARS) == NONE
+
+
+@pytest.mark.parametrize(("levels", "content"), [(5, True), (4, False)])
+def test_a_frame_that_deviates_by_less_than_two_and_a_half_levels_shows_nothing(levels, content):
+    frame = np.full((240, 320, 3), 100, np.uint8)
+    frame[:, ::2] += np.uint8(levels)  # a deviation of half of it
+    found = ContentDetector((320, 240))._find_bars(frame, [False] * 4)
+    assert (found is not None) is content
+
+
+@pytest.mark.parametrize(("width", "content"), [(8, True), (7, False)])
+def test_the_content_is_at_least_eight_pixels_wide_and_high(width, content):
+    left = (320 - width) // 2
+    gray = in_color(noise(240, 320))
+    for frame, area in (
+        (with_bars(gray, (left, 0, left + width, 240)), (320, 240)),
+        (with_bars(gray.transpose(1, 0, 2).copy(), (0, left, 240, left + width)), (240, 320)),
+    ):
+        detector = ContentDetector(area)
+        assert detector.update(np.ascontiguousarray(frame)) is content

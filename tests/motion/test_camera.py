@@ -4,6 +4,7 @@ import pytest
 from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam import CameraMotion, FrameSizeError, Motion
 from ssiam.geometry import map_points, rigid
+from ssiam.motion.camera import _low_high_boxes
 
 SIZE = (640, 360)
 CORNERS = np.array([[0, 0], [640, 0], [640, 360], [0, 360]])
@@ -130,3 +131,131 @@ def test_a_given_motion_replaces_the_estimate():
     assert corner_error(motion.cur_from_prev, truths[2]) < 0.5
     same = Motion.from_transform(np.eye(3), SIZE)
     assert camera.update(frames[3], motion=same) is same
+
+
+def test_boxes_are_enlarged_by_a_tenth_on_each_side():
+    assert _low_high_boxes((100, 50, 40, 20)).tolist() == [[96, 48, 144, 72]]
+    several = _low_high_boxes([(0, 0, 10, 10), (5, 6, 20, 40)])
+    np.testing.assert_allclose(several, [[-1, -1, 11, 11], [3, 2, 27, 50]])
+    for none in (None, [], np.empty((0, 4))):
+        assert _low_high_boxes(none).shape == (0, 4)
+
+
+@pytest.mark.parametrize(
+    "exclude", [(1, 2, 3), [(1, 2, 3)], np.zeros((1, 1, 4)), 5, "x", [(1, 2, 3, np.inf)]]
+)
+def test_other_shapes_are_no_boxes(exclude):
+    with pytest.raises(ValueError, match=r"^exclude is .*: give \(x, y, w, h\)"):
+        _low_high_boxes(exclude)
+
+
+class Recorded:
+    """An estimator that returns a given motion and records its calls."""
+
+    def __init__(self, size_wh):
+        self.motion = Motion.from_transform(rigid(3, -2, 0.01), size_wh)
+        self.previous, self.estimated = [], []
+
+    def set_previous(self, frame):
+        self.previous.append(frame.shape)
+
+    def estimate(self, frame, boxes):
+        self.estimated.append((frame.shape, boxes))
+        return self.motion
+
+
+@pytest.fixture
+def recorded(monkeypatch):
+    made = []
+
+    def new(self, frame):
+        made.append(Recorded((frame.shape[1], frame.shape[0])))
+        return made[-1]
+
+    monkeypatch.setattr(CameraMotion, "_new_estimator", new)
+    return made
+
+
+def with_bars(frame, left=80, top=0):
+    height, width = frame.shape[:2]
+    framed = np.zeros_like(frame)
+    inside = slice(top, height - top), slice(left, width - left)
+    framed[inside] = frame[inside]
+    return framed
+
+
+def test_the_estimator_gets_the_content_and_boxes_in_it(recorded):
+    frames = [with_bars(frame, 80, 40) for frame in shaken(count=3)[0]]
+    camera = CameraMotion()
+    first = camera.update(frames[0])
+    assert (first.reliable, first.inliers, first.size_wh) == (True, 1, SIZE)
+    found = camera.update(frames[1], exclude=(100, 60, 40, 20))
+    (estimator,) = recorded
+    ((shape, boxes),) = estimator.estimated
+    assert shape == (280, 480, 3)
+    assert boxes.tolist() == [[96 - 80, 58 - 40, 144 - 80, 82 - 40]]
+    assert found.size_wh == SIZE
+    moved = rigid(80, 40, 0) @ rigid(3, -2, 0.01) @ rigid(-80, -40, 0)
+    np.testing.assert_allclose(found.cur_from_prev, moved)
+
+
+def test_a_given_motion_is_returned_and_the_frame_becomes_the_previous_one(recorded):
+    frames, _ = shaken(count=3)
+    camera = CameraMotion()
+    given = Motion.from_transform(rigid(5, 0, 0), SIZE)
+    assert camera.update(frames[0], motion=given) is given
+    assert camera.update(frames[1], motion=given) is given
+    (estimator,) = recorded
+    assert estimator.previous == [(360, 640, 3)]
+    assert estimator.estimated == []
+
+
+def test_new_bars_start_a_new_estimator(recorded):
+    frames, _ = shaken(count=4)
+    camera = CameraMotion()
+    given = Motion.from_transform(rigid(5, 0, 0), SIZE)
+    camera.update(frames[0])
+    camera.update(frames[1])
+    camera.update(with_bars(frames[2]))
+    assert len(recorded) == 2
+    assert recorded[0].estimated[-1][0] == (360, 640, 3), "in the content of the previous frame"
+    camera.update(with_bars(frames[3]))
+    assert recorded[1].estimated[-1][0] == (360, 480, 3)
+    camera.update(frames[3], motion=given)
+    assert len(recorded) == 3
+    assert recorded[1].previous == []
+
+
+def test_while_bars_are_uncertain_the_motion_is_not_reliable(recorded):
+    frames, _ = shaken(count=3)
+    camera = CameraMotion()
+    camera.update(frames[0])
+    camera._content.uncertain = True
+    camera._content.update = lambda frame: False
+    found = camera.update(frames[1])
+    assert (found.reliable, found.size_wh) == (False, SIZE)
+    given = Motion.from_transform(rigid(5, 0, 0), SIZE)
+    assert camera.update(frames[2], motion=given) is given
+
+
+def test_estimators_have_the_settings_of_the_camera():
+    frame = world()
+    camera = CameraMotion("gftt", "least_squares", "affine", spread=False)
+    camera.update(frame)
+    estimator = camera._estimator
+    assert estimator._generator._name == "gftt"
+    assert (estimator._fit, estimator._model, estimator._spread_points) == (
+        *("least_squares", "affine"),
+        False,
+    )
+    assert estimator._size_wh == SIZE
+    assert estimator._prev_gray is not None
+    direct = CameraMotion(model="homography")
+    direct.update(frame)
+    assert direct._estimator._grid.model == "homography"
+    assert direct._estimator._size_wh == SIZE
+    default = CameraMotion()
+    assert (default._keypoints, default._fit, default._model, default._spread) == (
+        *("direct", "robust", "similarity"),
+        True,
+    )

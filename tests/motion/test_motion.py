@@ -4,6 +4,7 @@ import pytest
 
 from ssiam import Motion
 from ssiam.geometry import map_points, rigid
+from ssiam.motion.motion import as_motion
 
 SIZE = (640, 360)
 
@@ -55,3 +56,92 @@ def test_points_of_the_scene_follow_a_rotation():
 def test_invalid_rotations_are_refused(rotation, focal, message):
     with pytest.raises(ValueError, match=message):
         Motion.from_rotation(rotation, focal, SIZE)
+
+
+def test_the_identity_as_a_motion():
+    for reliable, inliers in ((True, 1.0), (False, 0.0)):
+        motion = Motion.none(SIZE, reliable=reliable)
+        assert (motion.reliable, motion.inliers, motion.size_wh) == (reliable, inliers, SIZE)
+        np.testing.assert_array_equal(motion.cur_from_prev, np.eye(3))
+    assert not Motion.none(SIZE).reliable
+
+
+def test_a_transform_is_scaled_to_its_last_number():
+    motion = Motion.from_transform(4 * rigid(3, -2, 0.1), SIZE)
+    np.testing.assert_allclose(motion.cur_from_prev, rigid(3, -2, 0.1))
+    assert (motion.inliers, motion.size_wh) == (1.0, SIZE)
+    swapped = np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0]])
+    np.testing.assert_array_equal(Motion.from_transform(swapped, SIZE).cur_from_prev, swapped)
+    mirrored = np.diag([-1.0, 1.0, 1.0])
+    np.testing.assert_array_equal(Motion.from_transform(mirrored, SIZE).cur_from_prev, mirrored)
+
+
+def test_a_transform_that_cannot_be_inverted_is_refused():
+    for scale, valid in ((1e-4, True), (1e-5, False)):
+        matrix = np.diag([scale, scale, 1.0])
+        if valid:
+            assert Motion.from_transform(matrix, SIZE).reliable
+        else:
+            with pytest.raises(ValueError, match="motion is"):
+                Motion.from_transform(matrix, SIZE)
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "angle", "plausible"),
+    [
+        (192, 0, 0, True),  # 30 % of the longer side
+        (192.1, 0, 0, False),
+        (0, -192, 0, True),
+        (0, -192.1, 0, False),
+        (136, 136, 0, False),
+        (0, 0, 0.35, True),
+        (0, 0, -0.35, True),
+        (0, 0, 0.351, False),
+        (0, 0, -0.351, False),
+    ],
+)
+def test_how_far_a_camera_can_move(dx, dy, angle, plausible):
+    for size in (SIZE, SIZE[::-1]):
+        center = (size[0] - 1) / 2, (size[1] - 1) / 2
+        motion = Motion.from_transform(rigid(dx, dy, angle - np.sign(angle) * 1e-9, center), size)
+        assert motion.is_plausible is plausible
+
+
+@pytest.mark.parametrize("focal", [-1, 0, np.inf, np.nan, "500", None])
+def test_a_focal_length_is_a_positive_number(focal):
+    with pytest.raises(ValueError, match=r"focal_length is .*: give pixels"):
+        Motion.from_rotation((0, 0, 0), focal, SIZE)
+
+
+def test_rotations_are_checked_to_a_thousandth():
+    nearly = np.eye(3) * (1 + 4e-4)
+    assert Motion.from_rotation(nearly, 0.5, SIZE).reliable
+    with pytest.raises(ValueError, match="rotation is"):
+        Motion.from_rotation(np.eye(3) * (1 + 6e-4), 500, SIZE)
+    for wrong in (np.eye(2), np.eye(4), np.zeros(4), "left"):
+        with pytest.raises(ValueError, match="rotation is"):
+            Motion.from_rotation(wrong, 500, SIZE)
+
+
+def test_the_motion_of_a_crop_as_that_of_the_whole_frame():
+    crop = Motion(rigid(3, -2, 0.1, (100, 50)), 0.7, True, (200, 100))
+    whole = crop.uncropped((30, 20), SIZE)
+    np.testing.assert_allclose(whole.cur_from_prev, rigid(3, -2, 0.1, (130, 70)))
+    assert (whole.inliers, whole.reliable, whole.size_wh) == (0.7, True, SIZE)
+    assert crop.uncropped((0, 0), (200, 100)) is crop
+    unknown = Motion.none((200, 100)).uncropped((30, 20), SIZE)
+    np.testing.assert_array_equal(unknown.cur_from_prev, np.eye(3))
+    assert (unknown.inliers, unknown.reliable, unknown.size_wh) == (0, False, SIZE)
+
+
+def test_given_motions_are_checked():
+    given = Motion.from_transform(rigid(3, -2, 0.1), SIZE)
+    assert as_motion(given, SIZE) is given
+    converted = as_motion(rigid(3, -2, 0.1), SIZE)
+    np.testing.assert_array_equal(converted.cur_from_prev, rigid(3, -2, 0.1))
+    assert converted.size_wh == SIZE
+    with pytest.raises(ValueError, match=r"size_wh \(640, 360\): give the motion .* 320x180"):
+        as_motion(given, (320, 180))
+    broken = Motion(np.full((3, 3), np.nan), 1.0, True, SIZE)
+    with pytest.raises(ValueError, match="motion is"):
+        as_motion(broken, SIZE)

@@ -70,3 +70,65 @@ def test_options_are_set_in_their_part():
 
 def test_the_default_keypoints_of_a_method_are_not_a_change():
     assert StabilizerConfig("paper").changed_options() == {}
+
+
+def test_the_defaults_are_the_papers_or_measured_ones():
+    paper = PaperConfig(
+        30, 0.1, 20, 60.0, 30.0, 20.0, 10.0, 0.3, "frame", 0.7, "nested", "angle", "rad"
+    )
+    assert PaperConfig() == paper
+    assert PredictConfig() == PredictConfig(True, True, True, True, True, 0.8, 0.5, 0.1)
+    config = StabilizerConfig()
+    assert config == StabilizerConfig("predict", "direct", "robust", True, paper, PredictConfig())
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"window": 1},
+        {"border": 0},
+        dict.fromkeys(("gate", "thx1", "thy1", "thx2", "thy2", "tha", "shake"), 0),
+        {"memory": 0, "smoothing": 0, "margin": 0},
+        {"memory": 0.999, "smoothing": 0.999},
+    ],
+)
+def test_values_at_the_limits_are_valid(values):
+    options = StabilizerConfig().with_options(**values).options()
+    assert {name: options[name] for name in values} == values
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"window": 1.5}, "window is 1.5: it must be a whole number"),
+        ({"border": 2.0}, "border is 2.0: it must be a whole number"),
+        ({"border": -1}, "border is -1: it must not be negative"),
+        *(
+            ({name: "1"}, f"{name} is '1': it must be a number")
+            for name in ("gate", "thx1", "thy1", "thx2", "thy2", "tha", "shake")
+        ),
+        *(
+            ({name: -0.1}, f"{name} is -0.1: it must not be negative")
+            for name in ("gate", "thx1", "thy1", "thx2", "thy2", "tha", "shake")
+        ),
+        *(
+            ({name: 1}, f"{name} is 1: it must be True or False")
+            for name in ("choose", "speed", "turn", "trust", "find", "spread")
+        ),
+        *(
+            ({name: None}, f"{name} is None: it must be a number")
+            for name in ("memory", "smoothing", "margin")
+        ),
+        ({"smoothing": -0.1}, r"smoothing is -0.1: it must be in \[0, 1\)"),
+        ({"keypoints": "x"}, "unknown keypoints 'x'"),
+        ({"fit": "x"}, "unknown fit 'x'"),
+    ],
+)
+def test_each_wrong_value_is_refused(values, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        StabilizerConfig().with_options(**values)
+
+
+def test_tha_in_radians():
+    assert PaperConfig(tha=0.25).tha_rad == 0.25
+    assert PaperConfig(tha=90, tha_unit="deg").tha_rad == pytest.approx(1.5707963)

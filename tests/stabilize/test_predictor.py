@@ -196,3 +196,189 @@ def test_observe_and_hold_without_an_update_only_set_or_return_the_box():
     motion = Motion.from_transform(rigid(12, -9, 0.01), SIZE)
     assert predictor.update(motion) == fresh.update(motion)
     np.testing.assert_array_equal(predictor.stab_from_raw, fresh.stab_from_raw)
+
+
+STILL = Motion.none(SIZE, reliable=True)
+SIDE = np.sqrt(40.0 * 50.0)  # size of BOX
+
+
+def by(dx, dy=0.0, box=BOX):
+    return box[0] + dx, box[1] + dy, *box[2:]
+
+
+def stepped(config, *steps, motion=STILL):
+    """A predictor after frames in which the target moved by (dx, dy) and had a score."""
+    predictor, box = TargetPredictor(config, BOX), BOX
+    for dx, score in steps:
+        predictor.update(motion)
+        box = by(dx, box=box)
+        predictor.observe(box, score)
+    return predictor, box
+
+
+def test_the_speed_is_a_running_mean():
+    config = replace(CONFIG, choose=False, smoothing=0.75)
+    predictor, _ = stepped(config, (8.0, 1.0))
+    np.testing.assert_allclose(predictor._speeds, [[2, 0], [2, 0]])
+    predictor, _ = stepped(config, (8.0, 1.0), (4.0, 1.0))
+    np.testing.assert_allclose(predictor._speeds, [[2.5, 0], [2.5, 0]])
+
+
+def test_the_speed_is_that_in_the_frame_and_in_the_scene():
+    config = replace(CONFIG, choose=False)
+    predictor = TargetPredictor(config, BOX)
+    predictor.update(Motion.from_transform(rigid(10, 4, 0), SIZE))
+    predictor.observe(by(6, 2), 1.0)
+    np.testing.assert_allclose(predictor._speeds, [[3, 1], [-2, -1]], atol=1e-9)
+
+
+def test_low_scores_halve_the_speed():
+    config = replace(CONFIG, choose=False)
+    for score, speed in ((0.149, 2.0), (0.15, 3.0)):
+        predictor, _ = stepped(config, (8.0, 1.0), (2.0, score))
+        np.testing.assert_allclose(predictor._speeds[:, 0], speed)
+    predictor, _ = stepped(replace(config, trust=False), (8.0, 1.0), (2.0, 0.0))
+    np.testing.assert_allclose(predictor._speeds[:, 0], 3.0)
+
+
+def test_errors_are_running_means_in_target_sizes():
+    predictor = TargetPredictor(CONFIG, BOX)
+    np.testing.assert_array_equal(predictor._errors, [0.3, 0.3, 0, 0])
+    predictor.update(Motion.from_transform(rigid(10, 0, 0), SIZE))
+    predictor.observe(by(4), 1.0)
+    still, fixed = 4 / SIDE, 6 / SIDE
+    expected = [0.24 + 0.2 * still, 0.24 + 0.2 * still, 0.2 * fixed, 0.2 * fixed]
+    np.testing.assert_allclose(predictor._errors, expected)
+
+
+def test_errors_of_low_scores_have_half_the_weight():
+    predictor = TargetPredictor(CONFIG, BOX)
+    predictor.update(STILL)
+    predictor.observe(by(SIDE), 0.0)
+    memory = np.sqrt(0.8)
+    expected = np.array([0.3, 0.3, 0, 0]) * memory + (1 - memory)
+    np.testing.assert_allclose(predictor._errors, expected)
+
+
+def test_errors_are_cut_at_two_target_sizes():
+    for sizes, cut in ((1.9, 1.9), (2.5, 2.0), (9.0, 2.0)):
+        predictor = TargetPredictor(CONFIG, BOX)
+        predictor.update(STILL)
+        predictor.observe(by(sizes * SIDE), 1.0)
+        np.testing.assert_allclose(predictor._errors[2:], 0.2 * cut)
+
+
+def test_a_prediction_must_be_better_by_the_margin():
+    predictor = TargetPredictor(CONFIG, BOX)
+    for fixed, moved in ((0.21, 0.0), (0.19, 10.0)):
+        predictor._errors = np.array([0.3, 0.9, fixed, 0.9])
+        box = predictor.update(Motion.from_transform(rigid(10, 0, 0), SIZE))
+        assert box == pytest.approx(by(moved))
+    predictor._errors = np.array([0.3, 0.9, 0.2, 0.9])  # exactly the margin is not enough
+    predictor._config = replace(CONFIG, margin=0.3 - 0.2)
+    assert predictor._errors[2] + predictor._config.margin >= 0.3
+    assert predictor._choice() == 0
+
+
+def test_the_best_prediction_is_used():
+    predictor, box = stepped(CONFIG, (6.0, 1.0))
+    motion = Motion.from_transform(rigid(10, 0, 0), SIZE)
+    for best, dx in enumerate((0, 3, 10, 13)):
+        predictor._errors = np.full(4, 0.5)
+        predictor._errors[best] = 0.1
+        assert predictor.update(motion) == pytest.approx(by(dx, box=box))
+
+
+def test_held_frames_keep_box_and_view_in_the_scene():
+    predictor, box = stepped(CONFIG, (6.0, 1.0))
+    pan = Motion.from_transform(rigid(10, -5, 0.0), SIZE)
+    for count in (1, 2, 3):
+        predictor.update(pan)
+        held = predictor.hold()
+        assert held == pytest.approx(by(10 * count, -5 * count, box=box))
+        assert predictor.traveled == pytest.approx((3 * count, 0))
+        shown = map_box(predictor.stab_from_raw, held)
+        assert shown == pytest.approx(box, abs=1e-6)
+    predictor.update(Motion.none(SIZE))
+    assert predictor.hold() == pytest.approx(by(30, -15, box=box))
+    assert predictor.traveled == pytest.approx((12, 0))
+    predictor.observe(box, 1.0)
+    assert predictor.traveled == (0, 0)
+
+
+def test_after_held_frames_the_speed_is_per_frame():
+    config = replace(CONFIG, choose=False, smoothing=0.0)
+    predictor = TargetPredictor(config, BOX)
+    for _ in range(3):
+        predictor.update(STILL)
+        predictor.hold()
+    predictor.update(STILL)
+    predictor.observe(by(20), 1.0)
+    np.testing.assert_allclose(predictor._speeds[:, 0], 5)
+
+
+def test_a_shown_target_returns_by_a_twentieth_and_at_most_a_tenth_of_its_size():
+    fixed = replace(CONFIG, choose=False, speed=False)
+    for dx, back in ((20.0, 1.0), (-20.0, -1.0), (200.0, 0.1 * SIDE), (-200.0, -0.1 * SIDE)):
+        predictor = TargetPredictor(fixed, BOX)
+        predictor.update(Motion.from_transform(rigid(dx, 0, 0), SIZE))
+        shift = center(map_box(predictor.stab_from_raw, by(dx))) - center(by(dx))
+        assert shift == pytest.approx((-dx + back, 0), abs=1e-9)
+        predictor = TargetPredictor(fixed, BOX)
+        predictor.update(Motion.from_transform(rigid(0, dx, 0), SIZE))
+        shift = center(map_box(predictor.stab_from_raw, by(0, dx))) - center(by(0, dx))
+        assert shift == pytest.approx((0, -dx + back), abs=1e-9)
+
+
+def test_the_view_turns_back_by_a_twentieth():
+    fixed = replace(CONFIG, choose=False, speed=False)
+    predictor = TargetPredictor(fixed, BOX)
+    predictor.update(Motion.from_transform(rigid(0, 0, 0.2, center(BOX)), SIZE))
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.19)
+    predictor.observe(BOX, 1.0)
+    predictor.update(STILL)
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.19 * 0.95)
+
+
+@pytest.mark.parametrize(
+    ("motion", "is_raw"),
+    [
+        ((0.0104 * SIDE, 0, 0), True),
+        ((0.0107 * SIDE, 0, 0), False),
+        ((0, -0.0104 * SIDE, 0), True),
+        ((0, -0.0107 * SIDE, 0), False),
+        ((0, 0, 0.0104), True),
+        ((0, 0, -0.0107), False),
+    ],
+)
+def test_tiny_offsets_are_not_applied(motion, is_raw):
+    """Below a hundredth of the target's size, or of a radian, after the return of 5 %."""
+    dx, dy, angle = motion
+    predictor = TargetPredictor(replace(CONFIG, choose=False), BOX)
+    predictor.update(Motion.from_transform(rigid(dx, dy, angle, center(BOX)), SIZE))
+    assert np.array_equal(predictor.stab_from_raw, np.eye(3)) is is_raw
+
+
+def test_a_size_is_the_geometric_mean_of_the_sides():
+    assert TargetPredictor(CONFIG, (0.0, 0.0, 20.0, 45.0))._size == pytest.approx(30)
+
+
+def test_a_chosen_position_in_the_frame_keeps_the_angle_of_the_view():
+    """The camera's roll is removed only if its motion is used."""
+    predictor = TargetPredictor(CONFIG, BOX)
+    roll = Motion.from_transform(rigid(0, 0, 0.1, center(BOX)), SIZE)
+    predictor._errors = np.array([0.0, 0.5, 0.5, 0.5])
+    predictor.update(roll)
+    np.testing.assert_array_equal(predictor.stab_from_raw, np.eye(3))
+    predictor.stab_from_raw = rigid(5, 0, 0.2)
+    predictor.update(roll)
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(0.19)
+
+
+def test_unreliable_motions_leave_errors_and_speed():
+    predictor, box = stepped(CONFIG, (6.0, 1.0))
+    errors, speeds = predictor._errors.copy(), predictor._speeds.copy()
+    predictor.update(Motion.none(SIZE))
+    predictor.observe(by(50, box=box), 1.0)
+    np.testing.assert_array_equal(predictor._errors, errors)
+    np.testing.assert_array_equal(predictor._speeds, speeds)

@@ -6,8 +6,11 @@ import pytest
 
 from helpers.synthetic import generator, poses
 from ssiam import Motion, Stabilizer, StabilizerConfig
-from ssiam.geometry import frame_center, map_box, map_points, rigid_parameters
-from ssiam.stabilize import CameraPath
+from ssiam.errors import ArgumentError
+from ssiam.geometry import frame_center, map_box, map_points, rigid, rigid_parameters
+from ssiam.stabilize import CameraPath, PaperConfig
+from ssiam.stabilize.judge import ShakeJudge
+from ssiam.stabilize.stabilizer import _clamped, _exclusive, _nested
 
 SIZE = (640, 360)
 CENTER = frame_center(SIZE)
@@ -148,3 +151,89 @@ def test_memory_does_not_grow_with_the_stream():
 
 def test_an_empty_path_has_no_difference():
     assert CameraPath(30).difference() == (0, 0, 0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_gate_is_the_largest_displacement_of_a_corner(sign):
+    """That of the shift, and of the rotation at half of the diagonal."""
+    size = (60, 80)  # half of the diagonal is 50 px
+    config = StabilizerConfig("paper").with_options(gate=10.0, window=2)
+    for dx, dy, angle, moved in (
+        (12.0, 16.0, 0.0, True),  # smoothed: half of it, 10 px
+        (11.9, 16.0, 0.0, False),
+        (-12.0, 16.0, 0.0, True),
+        (0.0, 0.0, 0.401, True),
+        (0.0, 0.0, 0.399, False),
+        (6.0, 8.0, 0.201, True),
+        (6.0, 8.0, 0.199, False),
+    ):
+        stabilizer = Stabilizer(config)
+        stabilizer.update(Motion.none(size, reliable=True))
+        motion = Motion.from_transform(rigid(dx, dy, sign * angle, frame_center(size)), size)
+        found = stabilizer.update(motion)
+        assert np.array_equal(found, np.eye(3)) != moved
+        assert stabilizer.shakes is moved
+
+
+def test_after_a_gated_frame_the_change_is_from_zero():
+    """The limits of the change are relative to the last applied correction."""
+    stabilizer = Stabilizer(UNLIMITED.with_options(gate=5.0, thx2=3.0, window=2))
+    stabilizer.update(Motion.none(SIZE, reliable=True))
+    shifts = []
+    for dx in (20.0, 4.0, 20.0, 20.0):
+        motion = Motion.from_transform(rigid(dx, 0, 0), SIZE)
+        shifts.append(stabilizer.update(motion)[0, 2])
+    assert shifts == pytest.approx([-3, 0, -3, -6])
+
+
+def test_limits_of_numbers():
+    assert _clamped(5.0, 1.0, 3.0) == 4
+    assert _clamped(-5.0, 1.0, 3.0) == -2
+    assert _clamped(2.0, 1.0, 3.0) == 2
+    assert _nested(9.0, 6.0, 1.0, 2.0) == 3
+    assert _nested(9.0, 6.0, 5.0, 2.0) == 6
+    assert _nested(-9.0, 6.0, -5.0, 2.0) == -6
+    assert _exclusive(9.0, 6.0, 1.0, 2.0) == 6
+    assert _exclusive(-9.0, 6.0, 1.0, 2.0) == -6
+    assert _exclusive(6.0, 6.0, 1.0, 2.0) == 3
+
+
+def test_the_judge_of_the_window_forgets_older_frames():
+    judge = ShakeJudge(PaperConfig(judge="window", window=3, shake=2.0))
+    still, moved = (0.0, 0.0, 0.5), (3.0, -4.0, 0.0)
+    answers = [judge.shakes((9.0, 9.0, 9.0), each, SIZE) for each in (still, moved, still, still)]
+    assert answers == [False, True, True, True]  # roots of 25 / 2 and 25 / 3
+    assert not judge.shakes((9.0, 9.0, 9.0), still, SIZE)
+    assert judge.answer is False
+    exact = ShakeJudge(PaperConfig(judge="window", window=3, shake=5.0))
+    assert exact.shakes((0.0, 0.0, 0.0), moved, SIZE)
+
+
+def test_a_path_averages_its_window():
+    path = CameraPath(3)
+    assert not path.started
+    for dx in (0.0, 6.0, 3.0, 9.0):
+        path.advance(Motion.from_transform(rigid(dx, -dx, 0.0), SIZE))
+    assert path.started
+    assert path.difference() == pytest.approx(((-12 - 9 + 0) / 3, 7, 0))
+    path = CameraPath(2)
+    for angle in (0.0, 0.2):
+        path.advance(Motion.from_transform(rigid(0, 0, angle, CENTER), SIZE))
+    assert path.difference() == pytest.approx((0, 0, -0.1), abs=1e-9)
+
+
+def test_other_arguments_are_refused():
+    with pytest.raises(ArgumentError, match="config is 'paper': give a StabilizerConfig"):
+        Stabilizer("paper")
+    with pytest.raises(ArgumentError, match=r"motion is .* give a Motion"):
+        Stabilizer(StabilizerConfig("paper")).update(np.eye(3))
+
+
+def test_the_path_of_tilted_frames_is_that_of_the_mapped_center():
+    """A homography: the past position is divided by its weight."""
+    tilt = np.array([[1.0, 0.01, 4], [0, 1.02, -3], [2e-4, -1e-4, 1]])
+    path = CameraPath(2)
+    path.advance(Motion.none(SIZE, reliable=True))
+    path.advance(Motion.from_transform(tilt, SIZE))
+    (x, y), (u, v) = CENTER, map_points(np.linalg.inv(tilt), [CENTER])[0]
+    assert path.difference()[:2] == pytest.approx(((u - x) / 2, (v - y) / 2))

@@ -10,7 +10,12 @@ import pytest
 import ssiam
 from helpers.synthetic import world
 from ssiam.geometry import iou
-from ssiam.trackers.blank_frames import BlankFrameDetector
+from ssiam.trackers.blank_frames import (
+    BlankFrameDetector,
+    _is_covered,
+    _is_flat,
+    _repeated_rows,
+)
 from ssiam.video import open_source
 
 CLIP = Path(__file__).parents[2] / "examples" / "shaky-walker.mp4"
@@ -185,3 +190,111 @@ def test_the_box_is_held_in_frames_of_another_scene(unrelated, stabilize):
     plain = tracked(ssiam.load_tracker("lite", stabilize=stabilize), frames, truth[0])
     for track, expected in zip(tracks[BEFORE + 3 :], plain[BEFORE:], strict=True):
         assert iou(track.box, expected.box) > 0.5
+
+
+def gradient(levels, size=(200, 100)):
+    """A gray image whose rows rise by this many levels in total."""
+    rows = np.linspace(100, 100 + levels, size[1]).round().astype(np.uint8)
+    return np.tile(rows[:, None, None], (1, size[0], 3))
+
+
+@pytest.mark.parametrize(("levels", "flat"), [(0, True), (6, True), (9, False)])
+def test_a_flat_area_has_a_range_of_at_most_six_levels(levels, flat):
+    """A sample is the mean of six rows."""
+    assert _is_flat(gradient(levels), None) is flat
+
+
+def test_columns_that_repeat_a_row_are_flat():
+    frame = np.tile(np.arange(200, dtype=np.uint8)[None, :, None], (100, 1, 3))
+    assert _is_flat(frame, None)
+    assert not _is_flat(np.ascontiguousarray(frame.transpose(1, 0, 2)), None)
+
+
+def textured_except(area, size=(320, 240)):
+    frame = np.random.default_rng(2).integers(0, 256, (size[1], size[0], 3)).astype(np.uint8)
+    frame = cv2.resize(frame[::16, ::16], size, interpolation=cv2.INTER_NEAREST)
+    left, top, right, bottom = area
+    frame[top:bottom, left:right] = 90
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("box", "flat"),
+    [
+        ((150, 110, 20, 10), True),  # 30 px more on each side: 120..200 and 80..150
+        ((145, 110, 20, 10), False),
+        ((155, 110, 20, 10), False),
+        ((150, 105, 20, 10), False),
+        ((150, 115, 20, 10), False),
+        ((155, 105, 10, 16), True),
+        ((150, 110, 26, 10), False),
+    ],
+)
+def test_the_area_around_the_box_is_one_and_a_half_times_its_longer_side_larger(box, flat):
+    assert _is_flat(textured_except((120, 80, 200, 150)), box) is flat
+
+
+@pytest.mark.parametrize(
+    ("box", "flat"),
+    [
+        ((-25, 100, 10, 10), False),  # none of the area is in the frame
+        ((-14, 100, 10, 10), False),  # 11 px of it are
+        ((-8, 100, 10, 10), True),
+        ((100, 238, 10, 10), True),
+        ((100, 245, 10, 10), False),
+    ],
+)
+def test_an_area_of_which_too_little_is_in_the_frame_is_not_flat(box, flat):
+    assert _is_flat(np.full((240, 320, 3), 90, np.uint8), box) is flat
+
+
+def test_repeated_rows():
+    """Rows are compared with that four rows below, at 48 heights."""
+    frame = np.random.default_rng(2).integers(0, 256, (96, 200, 3)).astype(np.uint8)
+    assert not _repeated_rows(frame).any()
+    assert len(_repeated_rows(frame)) == 46
+    frame[40:60] = frame[40]
+    np.testing.assert_array_equal(np.flatnonzero(_repeated_rows(frame)), np.arange(20, 28))
+    for difference, count in ((4, 8), (5, 6)):
+        frame[40:60] = 100
+        frame[44, ::2] = frame[48, ::2] = 100 + difference
+        assert _repeated_rows(frame)[20:28].sum() == count
+
+
+@pytest.mark.parametrize(("height", "count"), [(1, 1), (4, 1), (5, 1), (6, 2), (48, 44)])
+def test_low_frames(height, count):
+    assert len(_repeated_rows(np.zeros((height, 50, 3), np.uint8))) == count
+    if height <= 4:
+        assert not _repeated_rows(np.zeros((height, 50, 3), np.uint8)).any()
+
+
+def torn_from(first, count=50):
+    rows = np.zeros(count, bool)
+    rows[first:] = True
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("first", "covered"), [(30, True), (26, True), (36, True), (37, False), (50, False)]
+)
+def test_a_target_is_covered_from_two_fifths_on(first, covered):
+    """The box is at rows 30 to 40 of 50; a row is 10 px."""
+    assert _is_covered(torn_from(first), 500, (0, 301, 10, 98)) is covered
+
+
+def test_a_box_between_two_rows_takes_the_nearest():
+    assert _is_covered(torn_from(30), 500, (0, 306, 10, 3))
+    assert not _is_covered(torn_from(31), 500, (0, 306, 10, 3))
+    assert _is_covered(torn_from(49), 500, (0, 700, 10, 3))
+    assert not _is_covered(~torn_from(1), 500, (0, 16, 10, 3))
+
+
+def test_blank_frames_are_counted_until_one_is_not():
+    frame = world()
+    detector = BlankFrameDetector(frame)
+    for _ in range(30):
+        assert detector.is_blank(np.zeros_like(frame), BOX, lost=False)
+    assert not detector.is_blank(torn(frame, 130), (300, 120, 40, 60), lost=False)
+    assert not detector.is_blank(frame, BOX, lost=False)
+    blank = [detector.is_blank(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(27)]
+    assert blank == [True] * 25 + [False] * 2

@@ -8,7 +8,7 @@ from helpers.stub_networks import Stub
 from ssiam import FrameView
 from ssiam.geometry import iou, map_box, xywh_from_corners
 from ssiam.networks.box_mask import BOX_MASK_CONTEXT, BOX_MASK_CROP
-from ssiam.trackers.box_mask import CONTEXT, CROP_SIDE, BoxMask
+from ssiam.trackers.box_mask import CONTEXT, CROP_SIDE, BoxMask, _enlarged
 
 SIZE_WH = 320, 240
 FILL = np.zeros(3)
@@ -94,3 +94,58 @@ def test_without_a_mask_the_corners_are_those_of_the_box():
     outline = BoxMask(bright_cells(), 0.5).outline(FrameView(frame), (10, 20, 30, 40), FILL).read()
     assert not outline.mask.any()
     assert xywh_from_corners(outline.corners) == pytest.approx((10, 20, 30, 40))
+
+
+def test_the_crop_is_enlarged_about_the_box():
+    assert _enlarged((100.0, 80.0, 60.0, 40.0)) == pytest.approx((82, 68, 96, 64))
+
+
+def recorded(view, xywh, fill=FILL, logit=8.0):
+    network = Stub(lambda t, crop: [np.full((1, 1, 64, 64), logit, np.float32)])
+    outline = BoxMask(network, 0.5).outline(view, xywh, fill).read()
+    ((crop,),) = network.calls
+    return outline, crop
+
+
+def test_the_network_gets_the_crop_with_the_fill():
+    frame = np.random.default_rng(1).integers(0, 256, (240, 320, 3)).astype(np.uint8)
+    fill = np.array([10.0, 20, 30])
+    _, crop = recorded(FrameView(frame), (-10.0, 80.0, 60.0, 40.0), fill)
+    expected = FrameView(frame).crop_rectangle((-28.0, 68.0, 96.0, 64.0), (128, 128), fill)
+    np.testing.assert_array_equal(crop[0], expected.transpose(2, 0, 1))
+    assert crop.dtype == np.float32
+
+
+@pytest.mark.parametrize(("border", "left"), [(0, 0), (20, -8)])
+def test_a_mask_extends_to_the_border_of_a_stabilized_view(border, left):
+    """The crop is 82 to 178 and 68 to 132, moved to the left by 90 px."""
+    frame = np.zeros((240, 320, 3), np.uint8)
+    shift = np.array([[1.0, 0, -3], [0, 1, 0], [0, 0, 1]])
+    outline, _ = recorded(FrameView(frame, shift, border), (10.0, 80.0, 60.0, 40.0))
+    rows, columns = np.nonzero(outline.mask)
+    assert (columns.min(), columns.max()) == (max(left, 0), 87)
+    assert (rows.min(), rows.max()) == (68, 131)
+    raw, _ = recorded(FrameView(frame, border=20), (10.0, 80.0, 60.0, 40.0))
+    np.testing.assert_array_equal(raw.mask, outline.mask)
+
+
+def test_cells_of_the_mask_are_two_pixels_of_the_crop():
+    logits = np.full((1, 1, 64, 64), -8, np.float32)
+    logits[0, 0, 16:48, 8:40] = 8
+    network = Stub(lambda t, crop: [logits])
+    xywh = (90.0, 70.0, 80.0, 60.0)  # the crop is 128 by 96 px from (66, 52)
+    frame = np.zeros((240, 320, 3), np.uint8)
+    mask = BoxMask(network, 0.5).outline(FrameView(frame), xywh, FILL).read().mask
+    rows, columns = np.nonzero(mask)
+    assert (columns.min(), columns.max()) == (66 + 16, 66 + 80 - 1)
+    assert (rows.min(), rows.max()) == pytest.approx((52 + 24, 52 + 72 - 1), abs=1)
+
+
+@pytest.mark.parametrize(("threshold", "inside"), [(0.2, True), (0.3, False)])
+def test_a_threshold_is_that_of_the_sigmoid(threshold, inside):
+    logits = np.full((1, 1, 64, 64), np.log(0.25 / 0.75), np.float32)
+    network = Stub(lambda t, crop: [logits])
+    outline = BoxMask(network, threshold).outline(
+        FrameView(np.zeros((240, 320, 3), np.uint8)), (100.0, 80.0, 60.0, 40.0), FILL
+    )
+    assert outline.read().mask.any() == inside

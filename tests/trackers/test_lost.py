@@ -139,3 +139,89 @@ def test_a_target_is_lost_after_ten_blank_frames_with_any_method(stabilize):
     tracks = [tracker.update(np.zeros_like(frame)) for _ in range(10)]
     assert tracks[-1].lost
     assert tracks[-1].score == 0
+
+
+def test_the_fourth_score_of_zero_loses_the_target():
+    loss = LossDetector()
+    lost = []
+    for _ in range(4):
+        loss.update(0.0)
+        lost.append(loss.lost)
+    assert lost == [False, False, False, True]
+
+
+def test_redetection_needs_more_than_the_threshold():
+    loss = after(*[0.0] * 100)
+    loss.update(1.0)  # the running score is the threshold now
+    assert loss.lost
+    assert loss.frames_lost == 97
+    loss.update(1.0)
+    assert (loss.lost, loss.frames_lost) == (False, 0)
+
+
+@pytest.mark.parametrize(("score", "frames"), [(1.0, 3), (0.65, 6), (0.5, 26), (0.4, 51)])
+def test_after_blank_frames_redetection_needs_higher_scores_at_first(score, frames):
+    """The threshold falls from .6 to .35 by .004 per frame."""
+    loss = LossDetector()
+    for _ in range(50):
+        loss.skip_blank()
+    found = []
+    for _ in range(60):
+        loss.update(score)
+        found.append(not loss.lost)
+    assert found.index(True) + 1 == frames
+
+
+def test_three_blank_frames_lose_the_target():
+    loss = LossDetector()
+    lost = []
+    for _ in range(3):
+        loss.skip_blank()
+        lost.append(loss.lost)
+    assert lost == [False, False, True]
+    assert loss.frames_lost == 0
+
+
+def test_a_blank_frame_of_a_lost_target_does_not_count():
+    loss = after(*BAD)
+    count = loss.frames_lost
+    loss.skip_blank()
+    assert (loss.lost, loss.frames_lost) == (True, count)
+
+
+WIDE = (100.0, 80.0, 80.0, 20.0)  # size 40
+
+
+@pytest.mark.parametrize(
+    ("xywh", "reachable"),
+    [
+        ((129.1, 80, 80, 20), True),  # .73 sizes after two frames
+        ((129.3, 80, 80, 20), False),
+        ((100, 109.1, 80, 20), True),
+        ((100, 109.3, 80, 20), False),
+        ((70.9, 80, 80, 20), True),
+        ((70.7, 80, 80, 20), False),
+        ((120, 70, 40, 40), True),  # another shape of the same area
+        ((100 - 7, 80 - 1.75, 94, 23.5), True),  # larger by 2 ** (.73 / 3) = 1.184
+        ((100 - 8, 80 - 2, 96, 24), False),
+        ((100 + 6, 80 + 1.5, 68, 17), True),
+        ((100 + 7, 80 + 1.75, 66, 16.5), False),
+        ((129.1 - 7, 80 - 1.75, 94, 23.5), True),  # the larger difference counts, not the sum
+    ],
+)
+def test_the_reach_in_target_sizes(xywh, reachable):
+    target = ReachableBox(WIDE)
+    for _ in range(2):
+        target.advance(STILL)
+    assert target.contains(xywh) is reachable
+
+
+def test_one_frame_without_the_target_leaves_any_box_reachable():
+    target = ReachableBox(WIDE)
+    target.advance(STILL)
+    assert target.contains((500, 300, 9, 9))
+    target.advance(STILL)
+    assert not target.contains((500, 300, 9, 9))
+    target.observe(WIDE)
+    target.advance(STILL)
+    assert target.contains((500, 300, 9, 9))
