@@ -121,6 +121,14 @@ class Visitor:
         self.page.keyboard.press("Space")
         return self.until_step(lambda step: step["playing"] == "paused")
 
+    def advance(self, condition):
+        """Advance a paused session frame by frame until a state meets the condition."""
+        while not condition(state := self.state()):
+            shown = state["step"]["index"]
+            self.page.get_by_role("button", name="Step").click()
+            self.until_step(lambda step, shown=shown: step["index"] > shown)
+        return state
+
     def resume(self):
         """Resume a paused session."""
         self.page.keyboard.press("Space")

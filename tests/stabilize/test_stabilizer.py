@@ -145,7 +145,7 @@ def test_memory_does_not_grow_with_the_stream():
             early, used_early = path.difference(), tracemalloc.get_traced_memory()[0]
     used_late = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    assert used_late <= used_early + 2_000
+    assert used_late <= used_early + 10_000  # a byte a frame would be 20,000
     np.testing.assert_allclose(path.difference(), early, atol=1e-9)
 
 

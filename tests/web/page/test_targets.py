@@ -52,12 +52,15 @@ def test_the_frame_is_frozen_while_a_box_is_drawn(visitor, truth):
 def test_a_target_is_lost_and_redetected(visitor, truth):
     visitor.draw_target(truth["walker"][0])
     visitor.resume()
-    lost = visitor.until(lambda state: state["step"]["targets"][0]["lost"])
+    visitor.until_step(lambda step: step["index"] >= HIDDEN.start - 25)
+    visitor.pause()
+    lost = visitor.advance(lambda state: state["step"]["targets"][0]["lost"])
     assert lost["boxes"] == []
     visitor.page.locator(".state", has_text="LOST").wait_for()
-    found = visitor.until(lambda state: state["boxes"])["step"]["index"]
+    found = visitor.advance(lambda state: state["boxes"])["step"]["index"]
     assert found >= HIDDEN.start
     visitor.page.locator(".state", has_text="FOUND").wait_for()
+    visitor.resume()
     visitor.page.locator(".state", has_text="tracking").wait_for()
     errors = center_errors(visitor, "walker", truth, HIDDEN.stop + 20)
     assert errors[max(errors)] < NEAR
