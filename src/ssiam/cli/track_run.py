@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from types import TracebackType
@@ -231,11 +232,22 @@ class SecondPass:
         clip = ClipRecord(frames.size_wh, float(frames.fps), self._first, motions, boxes)
         self._outputs.open_video(frames, job.video, planned_views(job.video, clip))
         span = Span.of_frames(self._first, self._last)
-        for done, frame in enumerate(selected_frames(frames, span, ()), 1):
-            motion = self._motions[frame.index - self._first]
-            self._outputs.write_video(frame, self._records.tracks(frame.index), motion)
-            for each in self._progress:
-                each.advance(count + done, 2 * count, None)
+        # Closed before the source: the other thread may still decode.
+        with closing(_decoded_ahead(selected_frames(frames, span, ()))) as selected:
+            for done, frame in enumerate(selected, 1):
+                motion = self._motions[frame.index - self._first]
+                self._outputs.write_video(frame, self._records.tracks(frame.index), motion)
+                for each in self._progress:
+                    each.advance(count + done, 2 * count, None)
+
+
+def _decoded_ahead(frames: Iterator[Frame]) -> Generator[Frame, None, None]:
+    """The frames; each is decoded in another thread while the one before it is written."""
+    with ThreadPoolExecutor(1, "decoding") as worker:
+        upcoming = worker.submit(next, frames, None)
+        while (frame := upcoming.result()) is not None:
+            upcoming = worker.submit(next, frames, None)
+            yield frame
 
 
 def _has_begun(targets: Sequence[PlannedTarget], index: int, frame: Frame) -> bool:

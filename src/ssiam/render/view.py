@@ -22,6 +22,7 @@ BORDERS: Final[tuple[Border, ...]] = get_args(Border)
 _NEIGHBORS: Final = 6
 _NEIGHBOR_STEP: Final = 8  # frames between them
 _TOLERANCE: Final = 0.05  # px of border that nobody sees
+_INTERPOLATED: Final = 1  # px around a position that the interpolation reads
 _EDGE: Final = 2  # px at a frame's edge that are not used: the interpolation mixes them with black
 
 
@@ -150,7 +151,8 @@ def _warp(raw: Image, out_from_raw: Transform, size_wh: tuple[int, int], border:
 
     OpenCV 5 warps four channels in less than half of the time that it needs for three.
     """
-    padded = cv2.cvtColor(raw, cv2.COLOR_BGR2BGRA)
+    part, out_from_raw = _shown_part(raw, out_from_raw, size_wh)
+    padded = cv2.cvtColor(part, cv2.COLOR_BGR2BGRA)
     if np.array_equal(out_from_raw[2], IDENTITY[2]):
         warped = cv2.warpAffine(
             padded, out_from_raw[:2], size_wh, flags=cv2.INTER_LINEAR, borderMode=border
@@ -160,6 +162,20 @@ def _warp(raw: Image, out_from_raw: Transform, size_wh: tuple[int, int], border:
             padded, out_from_raw, size_wh, flags=cv2.INTER_LINEAR, borderMode=border
         )
     return np.asarray(cv2.cvtColor(warped, cv2.COLOR_BGRA2BGR), dtype=np.uint8)
+
+
+def _shown_part(
+    raw: Image, out_from_raw: Transform, size_wh: tuple[int, int]
+) -> tuple[Image, Transform]:
+    """The part of the frame that an image shows, if it shows no border, and its transform."""
+    raw_from_out = np.asarray(np.linalg.inv(out_from_raw), dtype=np.float64)
+    shown = map_points(raw_from_out, corners_from_xywh((0, 0, size_wh[0] - 1, size_wh[1] - 1)))
+    left, top = np.floor(shown.min(axis=0)).astype(int) - _INTERPOLATED
+    right, bottom = np.ceil(shown.max(axis=0)).astype(int) + _INTERPOLATED + 1
+    if left < 0 or top < 0 or right > raw.shape[1] or bottom > raw.shape[0]:
+        return raw, out_from_raw
+    raw_from_part = np.array([[1.0, 0, left], [0, 1, top], [0, 0, 1]])
+    return raw[top:bottom, left:right], np.asarray(out_from_raw @ raw_from_part)
 
 
 def _covered(
