@@ -6,13 +6,18 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from ssiam.cli.moments import PlannedTarget
+from ssiam.cli.track_backward import run_backward
+from ssiam.cli.track_corrections import run_corrected
 from ssiam.cli.track_progress import RunProgress
-from ssiam.cli.track_run import TrackJob
-from ssiam.errors import ArgumentError, MissingExtraError, SsiamError
+from ssiam.cli.track_run import TrackJob, run_track
+from ssiam.errors import ArgumentError, MissingExtraError, SourceError, SsiamError
+from ssiam.exchange.blending import Keyframe
+from ssiam.target_start import TargetStart
 from ssiam.video import Frame
+from ssiam.video.reversing import check_reversible
 from ssiam.video.sources import STDIN, camera_index, is_address
 
 if TYPE_CHECKING:
@@ -23,25 +28,26 @@ _OTHER_WAYS = (
 )
 
 
-Run: TypeAlias = Callable[[TrackJob, Sequence[PlannedTarget], Sequence[RunProgress]], None]
-"""`run_track` or `run_backward`."""
-
-
-def choose_and_track(job_for: Callable[[int], TrackJob], run: Run, progress: RunProgress) -> None:
+def choose_and_track(
+    job_for: Callable[[int], TrackJob], progress: RunProgress, *, backward: bool = False
+) -> None:
     """Let a person choose the targets on a page, track them, and show there what was written.
+
+    If a target has several keyframes, the targets are tracked between keyframes.
 
     Parameters
     ----------
     job_for : callable
         The job for a number of targets.
-    run : callable
     progress : RunProgress
         Of the terminal.
+    backward : bool
+        Whether targets are tracked to the first frame.
 
     Raises
     ------
     SsiamError
-        The page is not possible here, or was closed; else as `run`.
+        The page is not possible here, or was closed; else as the run.
     """
     job = job_for(1)
     source = job.source.spec
@@ -51,14 +57,19 @@ def choose_and_track(job_for: Callable[[int], TrackJob], run: Run, progress: Run
     except MissingExtraError as error:
         raise MissingExtraError(f"{error}; without it, {_OTHER_WAYS}") from error
 
-    start = job.span.start
+    start, end = job.span.start, job.span.end
 
     def is_selectable(frame: Frame) -> bool:
-        return start is None or start.is_reached(frame)
+        is_begun = start is None or start.is_reached(frame)
+        return is_begun and (end is None or not end.is_passed(frame))
 
     tracker = job.tracker.load(job.config)
     with PickPage(
-        job.source.open, tracker, name=job.tracker.tracker, is_selectable=is_selectable
+        job.source.open,
+        tracker,
+        name=job.tracker.tracker,
+        is_selectable=is_selectable,
+        no_keyframes=_no_keyframes(source, backward=backward),
     ) as page:
         is_opened = open_in_browser(page.address)
         if not is_opened and not sys.stderr.isatty():
@@ -70,16 +81,52 @@ def choose_and_track(job_for: Callable[[int], TrackJob], run: Run, progress: Run
                 f"ssiam: from your own machine, first: ssh -L {port}:127.0.0.1:{port} HOST",
                 file=sys.stderr,
             )
-        targets = [PlannedTarget.from_start(each) for each in page.wait_for_targets()]
+        keyframes = page.wait_for_targets()
         shown = _PageProgress(page)
+        reports = [progress, shown]
+        notes = [f"in {Path.cwd()}"]
         try:
-            run(job_for(len(targets)), targets, [progress, shown])
+            job = job_for(len(keyframes))
+            if any(len(own) > 1 for own in keyframes):
+                first = page.first_index
+                notes += run_corrected(job, [_begun(own, first) for own in keyframes], reports)
+            elif backward:
+                run_backward(job, _planned(keyframes), reports)
+            else:
+                run_track(job, _planned(keyframes), reports)
         except SsiamError as failure:
             page.finish(shown.written, [str(failure)])
             page.wait_until_done()
             raise
-        page.finish(shown.written, [f"in {Path.cwd()}"])
+        page.finish(shown.written, notes)
         page.wait_until_done()
+
+
+def _planned(keyframes: Sequence[Sequence[Keyframe]]) -> list[PlannedTarget]:
+    """The targets, each by its first box."""
+    return [
+        PlannedTarget.from_start(TargetStart(each.frame, each.xywh))
+        for own in keyframes
+        for each in own
+        if each.xywh is not None
+    ]
+
+
+def _begun(keyframes: Sequence[Keyframe], first_index: int) -> list[Keyframe]:
+    """The keyframes of a target that is absent before the first of them."""
+    is_later = keyframes[0].frame > first_index
+    return [*([Keyframe(first_index, None)] if is_later else []), *keyframes]
+
+
+def _no_keyframes(source: str, *, backward: bool) -> str | None:
+    """Why a target cannot have several keyframes; None if it can."""
+    if backward:
+        return "--backward tracks from one box: for further keyframes, start without --backward"
+    try:
+        check_reversible(source)
+    except SourceError as error:
+        return f"no further keyframe: {error}"
+    return None
 
 
 class _PageProgress:

@@ -13,7 +13,7 @@ from typing import Final
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import IncompleteError, SsiamError
-from ssiam.target_start import TargetStart
+from ssiam.exchange.blending import Keyframe
 from ssiam.trackers import StabilizedTracker
 from ssiam.video import Frame, Source
 from ssiam.web.picking.commands import Progress, WrittenFile
@@ -53,7 +53,9 @@ class PickPage(NotCopyable):
     needs_token : bool
         By default a token is needed on the loopback too: whoever opens the page could write files.
     is_selectable : callable
-        Whether a target may begin in a frame: not before the part that is tracked.
+        Whether a target may have a box in a frame: not outside of the part that is tracked.
+    no_keyframes : str, optional
+        Why a target can have a box in one frame only; shown if a second one is given.
     propose : callable, optional
         From an image and a point to a box; by default a `BoxProposer`.
     limits : ServerLimits, optional
@@ -77,12 +79,15 @@ class PickPage(NotCopyable):
         port: int = 0,
         needs_token: bool = True,
         is_selectable: Callable[[Frame], bool] = lambda frame: True,
+        no_keyframes: str | None = None,
         propose: Propose | None = None,
         limits: ServerLimits | None = None,
         grace: tuple[float, float] = (_PICKING_GRACE, _WRITTEN_GRACE),
     ) -> None:
         propose = BoxProposer().propose if propose is None else propose
-        self._session = PickSession(open_frames, tracker, name, propose, is_selectable)
+        self._session = PickSession(
+            open_frames, tracker, name, propose, is_selectable, no_keyframes
+        )
         self._service = PickService(self._session, self._on_clients)
         self._server = PageServer(self._service, host, port, needs_token=needs_token, limits=limits)
         self._grace = grace
@@ -117,8 +122,16 @@ class PickPage(NotCopyable):
         self._session.close()
         self._server.close()
 
-    def wait_for_targets(self) -> list[TargetStart]:
-        """Wait until the person has chosen; the targets in the order of their numbers.
+    @property
+    def first_index(self) -> int:
+        """The first frame of the part that is tracked, once targets are chosen."""
+        return self._session.first_index
+
+    def wait_for_targets(self) -> list[tuple[Keyframe, ...]]:
+        """Wait until the person has chosen; the keyframes of each target.
+
+        Targets are in the order of their numbers, keyframes in that of the frames. Each target has
+        a box in one at least, and begins in the first of these.
 
         Raises
         ------
@@ -130,7 +143,7 @@ class PickPage(NotCopyable):
         self._wait(self._session.chosen, self._grace[0])
         if not self._session.chosen.is_set():
             raise PageClosedError("the page was closed before targets were chosen; nothing written")
-        return self._session.starts()
+        return self._session.keyframes()
 
     def report(self, done: int, total: int | None, fps: float | None) -> None:
         """Show how many frames are done; calls that follow too fast are ignored."""
