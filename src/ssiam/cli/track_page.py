@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,10 @@ from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_run import TrackJob, run_track
 from ssiam.errors import ArgumentError, MissingExtraError, SourceError, SsiamError
 from ssiam.exchange.blending import Keyframe
+from ssiam.outputs import check_output
 from ssiam.target_start import TargetStart
 from ssiam.video import Frame
+from ssiam.video.results import STDOUT
 from ssiam.video.reversing import check_reversible
 from ssiam.video.sources import STDIN, camera_index, is_address
 
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 _OTHER_WAYS = (
     "--pick proposes targets in the first frame, and --box x,y,width,height gives one, in pixels"
 )
+_PIPED = "--results - cannot be written again: to correct targets, start with --results FILE.csv"
 
 
 def choose_and_track(
@@ -53,7 +57,7 @@ def choose_and_track(
     source = job.source.spec
     _check_readable_twice(source)
     try:
-        from ssiam.web.picking.page import PickPage, open_in_browser
+        from ssiam.web.picking.page import PageClosedError, PickPage, open_in_browser
     except MissingExtraError as error:
         raise MissingExtraError(f"{error}; without it, {_OTHER_WAYS}") from error
 
@@ -63,6 +67,7 @@ def choose_and_track(
         is_begun = start is None or start.is_reached(frame)
         return is_begun and (end is None or not end.is_passed(frame))
 
+    is_piped = str(job.paths.results) == STDOUT
     tracker = job.tracker.load(job.config)
     with PickPage(
         job.source.open,
@@ -70,6 +75,7 @@ def choose_and_track(
         name=job.tracker.tracker,
         is_selectable=is_selectable,
         no_keyframes=_no_keyframes(source, backward=backward),
+        no_second_run=_PIPED if is_piped else None,
     ) as page:
         is_opened = open_in_browser(page.address)
         if not is_opened and not sys.stderr.isatty():
@@ -81,25 +87,62 @@ def choose_and_track(
                 f"ssiam: from your own machine, first: ssh -L {port}:127.0.0.1:{port} HOST",
                 file=sys.stderr,
             )
-        keyframes = page.wait_for_targets()
-        shown = _PageProgress(page)
-        reports = [progress, shown]
-        notes = [f"in {Path.cwd()}"]
-        try:
-            job = job_for(len(keyframes))
-            if any(len(own) > 1 for own in keyframes):
-                first = page.first_index
-                notes += run_corrected(job, [_begun(own, first) for own in keyframes], reports)
-            elif backward:
-                run_backward(job, _planned(keyframes), reports)
+        made: TrackJob | None = None  # of the run before
+        failure: SsiamError | None = None
+        while True:
+            try:
+                keyframes = page.wait_for_targets()
+            except PageClosedError:
+                if made is None:
+                    raise
+                break  # a correction was begun and given up
+            shown = _PageProgress(page)
+            reports = [progress, shown]
+            try:
+                made = job_for(len(keyframes)) if made is None else _again(made, len(keyframes))
+                doubts = _track(made, keyframes, page.first_index, reports, backward=backward)
+            except SsiamError as error:
+                failure = error
+                page.finish(shown.written, [str(error)])
             else:
-                run_track(job, _planned(keyframes), reports)
-        except SsiamError as failure:
-            page.finish(shown.written, [str(failure)])
-            page.wait_until_done()
-            raise
-        page.finish(shown.written, notes)
-        page.wait_until_done()
+                failure = None
+                page.finish(shown.written, [f"in {Path.cwd()}", *doubts])
+            if not page.wait_until_done():
+                break
+        if failure is not None:
+            raise failure
+
+
+def _track(
+    job: TrackJob,
+    keyframes: Sequence[Sequence[Keyframe]],
+    first_index: int,
+    progress: Sequence[RunProgress],
+    *,
+    backward: bool,
+) -> list[str]:
+    """Track between keyframes, or from one box each; returns lines about doubtful frames."""
+    if any(len(own) > 1 for own in keyframes):
+        return run_corrected(job, [_begun(own, first_index) for own in keyframes], progress)
+    run = run_backward if backward else run_track
+    run(job, _planned(keyframes), progress)
+    return []
+
+
+def _again(job: TrackJob, targets: int) -> TrackJob:
+    """The job of a further run, which replaces the outputs of the one before.
+
+    Raises
+    ------
+    SinkError
+        Another file, of a further target, exists and must not be replaced.
+    """
+    own = {path for _, path in job.paths.files()}
+    paths = replace(job.paths, targets=targets, overwrite=True)
+    for _, path in paths.files():
+        if path not in own:
+            check_output(path, overwrite=job.paths.overwrite)
+    return replace(job, paths=paths)
 
 
 def _planned(keyframes: Sequence[Sequence[Keyframe]]) -> list[PlannedTarget]:

@@ -243,6 +243,15 @@ def test_a_target_is_tracked_between_its_keyframes(track, visit, truth, tmp_path
     visitor.draw(truth["stander"][4])
     person.until(lambda state: state["selected"] == 1)
     assert correct.is_disabled(), "its own frame"
+    # What a first run has found is shown, and selected by a click.
+    person.press("Track the whole clip")
+    person.until(lambda state: state["phase"] == "written")
+    page.get_by_role("button", name="Correct", exact=True).click()
+    person.until(lambda state: state["phase"] == "picking")
+    page.keyboard.press("Escape")
+    person.seek(6)
+    person.choose(person.state()["step"]["targets"][0]["box"])
+    assert person.until(lambda state: state["selected"] == 1)["step"]["index"] == 6
     person.seek(20)
     correct.click()
     page.keyboard.press("Escape")

@@ -171,6 +171,7 @@ def hostile_command(r):
         "undo": {},
         "preview": {"id": number()},
         "finish": {},
+        "correct": {},
         "pause": {},
         "rename": {"id": 1, "name": "x"},
         "restart": {},

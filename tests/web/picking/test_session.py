@@ -10,10 +10,13 @@ import pytest
 from helpers.live_server import until
 from helpers.picking import FRAMES, NumberedClip, number_of, picking
 from ssiam.exchange.blending import Keyframe
+from ssiam.track import Track
+from ssiam.video import open_results
 from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
     MarkAbsent,
@@ -183,6 +186,53 @@ def test_the_targets_are_fixed_once_the_run_has_begun(page, ask):
     page.finish([])
     ask(Finish())
     page.wait_until_done()
+
+
+def test_a_written_clip_is_corrected_with_its_boxes_as_a_guide(page, ask, tmp_path):
+    ask(AddBox(0, BOX))
+    with pytest.raises(CommandError, match="nothing is written"):
+        ask(Correct())
+    ask(TrackAll())
+    page._on_clients(1)
+    assert len(page.wait_for_targets()) == 1
+    results = tmp_path / "r.csv"
+    with open_results(results, layout=None, targets=1) as sink:
+        for index, lost in enumerate([False, False, False, True]):
+            sink.write(index, None, [Track((index, 2, 30, 40), score=0.5, lost=lost)])
+    page.finish([("results", results)], ["look here: frame 2"])
+    answer = []
+    waiter = threading.Thread(target=lambda: answer.append(page.wait_until_done()))
+    waiter.start()
+    ask(Correct())
+    waiter.join(SECONDS)
+    assert answer == [True]
+    state = page._session.state
+    assert (state.phase, state.notes, state.can_undo) == ("picking", ("look here: frame 2",), True)
+    shown = []
+    for index in range(4):
+        ask(Seek(index))
+        shown.append([each.track.box for each in page._session.newest.targets])
+    assert shown == [[BOX], [(1, 2, 30, 40)], [(2, 2, 30, 40)], []]
+    ask(Seek(2))
+    ask(AddBox(2, BOX, id=1))
+    assert page._session.newest.targets[0].track.box == BOX
+    ask(TrackAll())
+    assert [each.frame for each in page.wait_for_targets()[0]] == [0, 2]
+    page.finish([])
+    ask(Finish())
+    assert not page.wait_until_done()
+
+
+def test_a_second_run_is_refused_where_results_cannot_be_replaced():
+    with picking(no_second_run="cannot be written again") as page:
+        until(lambda: page._session.newest is not None)
+        ask = lambda command: page._session.submit(command).result(SECONDS)  # noqa: E731
+        ask(AddBox(0, BOX))
+        ask(TrackAll())
+        page.finish([])
+        with pytest.raises(CommandError, match="written again"):
+            ask(Correct())
+        assert page._session.state.phase == "written"
 
 
 def test_a_preview_shows_one_second_with_all_targets_of_it(page, ask):

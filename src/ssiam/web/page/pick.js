@@ -79,6 +79,7 @@ class PickPage {
     byId("undo").addEventListener("click", () => this.#command({ type: "undo" }));
     byId("preview").addEventListener("click", () => this.#preview());
     byId("track").addEventListener("click", () => this.#command({ type: "track" }));
+    byId("again").addEventListener("click", () => this.#command({ type: "correct" }));
     byId("finish").addEventListener("click", () => this.#finish());
     byId("video").addEventListener("error", () => this.#cannotPlay());
     document.addEventListener("keydown", (event) => this.#onUndoKey(event));
@@ -138,7 +139,7 @@ class PickPage {
 
   #draw({ header, bitmaps }) {
     const isTracked = header.playing === "playing";
-    const targets = isTracked ? header.targets : this.#boxesIn(header.index);
+    const targets = isTracked ? header.targets : this.#targetsIn(header);
     this.#showKeyframes();
     const marks = { stateOf: () => "tracking", selected: isTracked ? null : this.#selected };
     const step = { header: { ...header, targets }, bitmaps };
@@ -155,6 +156,16 @@ class PickPage {
         const { box } = isChanged ? changed : keyframeIn(target, index);
         return { ...target, box, corners: null, score: null, lost: false };
       });
+  }
+
+  /** Those, and where the last run has tracked the others, as a guide. */
+  #targetsIn(header) {
+    const isGuide = ({ id }) => {
+      const target = this.#state.targets.find((each) => each.id === id);
+      return target && !keyframeIn(target, header.index);
+    };
+    const tracked = header.targets.filter(isGuide).map((target) => ({ ...target, guide: true }));
+    return [...tracked, ...this.#boxesIn(header.index)];
   }
 
   /** The selected target, or null. */
@@ -179,7 +190,12 @@ class PickPage {
     byId("track").disabled = byId("preview").disabled = targets.length === 0;
     byId("preview").textContent = phase === "preview" ? "Stop" : "Preview";
     if (phase === "tracking") this.#showProgress(progress);
-    if (phase === "written" && byId("results").hidden) this.#showResults();
+    byId("results").hidden = phase === "tracking" || !this.#state.notes.length;
+    byId("results-title").textContent = phase === "written" ? "Written" : "Last run";
+    byId("notes").replaceChildren(...this.#state.notes.map((note) => make("li", note)));
+    byId("done").hidden = byId("files").hidden = phase !== "written";
+    if (phase === "written" && before !== phase) this.#showResults();
+    if (before === "written" && phase !== before) this.#hideResults();
     if (phase !== before) announce({ preview: "Preview.", tracking: "Tracking the clip.", written: "Written." }[phase] ?? "");
     this.#showHint();
   }
@@ -221,15 +237,22 @@ class PickPage {
   }
 
   #showResults() {
-    const { files, notes } = this.#state;
-    byId("results").hidden = false;
+    const { files } = this.#state;
     byId("files").replaceChildren(...files.map(fileItem));
-    byId("notes").replaceChildren(...notes.map((note) => make("li", note)));
     const video = files.find(({ kind }) => kind === VIDEO);
     if (video) byId("video").src = urlOf(video.name);
     this.#showVideo(Boolean(video));
     document.title = "written – ssiam track";
     byId("results").scrollIntoView({ block: "nearest" });
+  }
+
+  /** The targets are corrected, with the notes of the run beside them. */
+  #hideResults() {
+    byId("video").removeAttribute("src");
+    byId("video").load();
+    byId("not-played").hidden = true;
+    this.#showVideo(false);
+    document.title = `${byId("source").textContent} – ssiam track`;
   }
 
   #showVideo(isShown) {
@@ -272,7 +295,7 @@ class PickPage {
   }
 
   async #click(point, header) {
-    const target = targetAt(this.#boxesIn(header.index), point);
+    const target = targetAt(this.#targetsIn(header), point);
     if (target && this.#keyframes.armed === null) {
       this.#select(target.id);
       return;

@@ -92,8 +92,23 @@ class Finish:
     """Everything was seen: the command may end."""
 
 
+@dataclass(frozen=True)
+class Correct:
+    """Choose again after all was written, with the tracked boxes as a guide."""
+
+
 PickCommand: TypeAlias = (
-    Seek | AddBox | Click | MarkAbsent | Adjust | Discard | Undo | Preview | TrackAll | Finish
+    Seek
+    | AddBox
+    | Click
+    | MarkAbsent
+    | Adjust
+    | Discard
+    | Undo
+    | Preview
+    | TrackAll
+    | Finish
+    | Correct
 )
 
 

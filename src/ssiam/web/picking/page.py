@@ -8,12 +8,15 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import IncompleteError, SsiamError
+from ssiam.exchange.annotations import Annotation
 from ssiam.exchange.blending import Keyframe
+from ssiam.exchange.result_files import read_annotations
 from ssiam.trackers import StabilizedTracker
 from ssiam.video import Frame, Source
 from ssiam.web.picking.commands import Progress, WrittenFile
@@ -56,6 +59,8 @@ class PickPage(NotCopyable):
         Whether a target may have a box in a frame: not outside of the part that is tracked.
     no_keyframes : str, optional
         Why a target can have a box in one frame only; shown if a second one is given.
+    no_second_run : str, optional
+        Why the targets cannot be corrected after all was written; shown if a person wants to.
     propose : callable, optional
         From an image and a point to a box; by default a `BoxProposer`.
     limits : ServerLimits, optional
@@ -80,13 +85,14 @@ class PickPage(NotCopyable):
         needs_token: bool = True,
         is_selectable: Callable[[Frame], bool] = lambda frame: True,
         no_keyframes: str | None = None,
+        no_second_run: str | None = None,
         propose: Propose | None = None,
         limits: ServerLimits | None = None,
         grace: tuple[float, float] = (_PICKING_GRACE, _WRITTEN_GRACE),
     ) -> None:
         propose = BoxProposer().propose if propose is None else propose
         self._session = PickSession(
-            open_frames, tracker, name, propose, is_selectable, no_keyframes
+            open_frames, tracker, name, propose, is_selectable, no_keyframes, no_second_run
         )
         self._service = PickService(self._session, self._on_clients)
         self._server = PageServer(self._service, host, port, needs_token=needs_token, limits=limits)
@@ -158,20 +164,38 @@ class PickPage(NotCopyable):
         Parameters
         ----------
         paths : sequence of (str, Path)
-            Kind ("video", ...) and path of each file. Missing ones are left out.
+            Kind ("video", ...) and path of each file. Missing ones are left out. The boxes of
+            results in .csv or .jsonl are a guide for corrections.
         notes : sequence of str
             Further lines, such as the summary.
         """
         found = [(kind, path.resolve()) for kind, path in paths if path.is_file()]
         self._service.files = {path.name: path for _, path in found}
         files = tuple(WrittenFile(kind, path.name, path.stat().st_size) for kind, path in found)
-        self._session.finish(files, tuple(notes))
+        self._session.finish(files, tuple(notes), self._rows(found))
 
-    def wait_until_done(self) -> None:
-        """Wait until the person is done with the results, or has closed the page."""
+    def _rows(self, found: Sequence[tuple[str, Path]]) -> tuple[Annotation, ...]:
+        """The boxes of the results; none if these are of another kind."""
+        for kind, path in found:
+            if kind == "results" and path.suffix in (".csv", ".jsonl"):
+                with suppress(SsiamError):
+                    return read_annotations(path, self._session.size_wh, self._session.fps).rows
+        return ()
+
+    def wait_until_done(self) -> bool:
+        """Wait until the person is done with the results, or has closed the page.
+
+        Returns
+        -------
+        bool
+            Whether the person corrects the targets now: `wait_for_targets` follows.
+        """
         if self._alone_since is None and not self._clients:
-            return
-        self._wait(self._session.finished, self._grace[1])
+            return False
+        self._wait(self._session.seen, self._grace[1])
+        is_again = self._session.seen.is_set() and self._session.state.phase != "written"
+        self._session.seen.clear()
+        return is_again
 
     def _wait(self, event: threading.Event, grace: float) -> None:
         """Wait for an event, or until nobody has watched for `grace` seconds."""

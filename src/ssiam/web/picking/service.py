@@ -13,6 +13,7 @@ from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
     MarkAbsent,
@@ -65,6 +66,7 @@ _PARSERS: Final[Parsers] = {
     "preview": lambda fields: Preview(_optional_id(fields)),
     "track": lambda fields: TrackAll(),
     "finish": lambda fields: Finish(),
+    "correct": lambda fields: Correct(),
     **VIEW_PARSERS,
 }
 

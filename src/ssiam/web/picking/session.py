@@ -1,7 +1,7 @@
 """`PickSession`: shows frames of a source, and collects the targets that a person chooses in them.
 
 Threads: decoding, proposals and previews run on the session's thread, which alone changes the
-targets. `submit` only queues. The results (`chosen`, `finished`) are events, so that the main
+targets. `submit` only queues. The results (`chosen`, `seen`) are events, so that the main
 thread can wait for them and still receive Ctrl-C. `report` and `finish` are called on the main
 thread and change the state under its lock; listeners are called on the thread that changes it.
 """
@@ -13,13 +13,14 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
 from ssiam.errors import SsiamError, one_line
+from ssiam.exchange.annotations import Annotation
 from ssiam.exchange.blending import Keyframe
 from ssiam.geometry import IDENTITY, XYWH, check_box
 from ssiam.track import Track
@@ -30,6 +31,7 @@ from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
     MarkAbsent,
@@ -78,6 +80,8 @@ class PickSession:
         the first of them is shown at the start.
     no_keyframes : str, optional
         Why a target can have a box in one frame only: how a second one is refused.
+    no_second_run : str, optional
+        Why the targets cannot be corrected after all was written.
     limits : SessionLimits, optional
 
     Attributes
@@ -99,13 +103,18 @@ class PickSession:
         propose: Propose,
         is_selectable: Callable[[Frame], bool] = lambda frame: True,
         no_keyframes: str | None = None,
+        no_second_run: str | None = None,
         limits: SessionLimits | None = None,
     ) -> None:
         self.limits = limits or SessionLimits()
         self.tracker_name = name
-        self.chosen, self.finished = threading.Event(), threading.Event()
+        self.chosen, self.seen = threading.Event(), threading.Event()
+        self._tracked: dict[
+            tuple[int, int], Track
+        ] = {}  # by frame and target's id, of the last run
         self._tracker, self._propose = tracker, propose
         self._is_selectable, self._no_keyframes = is_selectable, no_keyframes
+        self._no_second_run = no_second_run
         self.first_index = 0
         self._reader = FrameReader(open_frames)
         self.source, self.size_wh = self._reader.name, self._reader.size_wh
@@ -168,8 +177,19 @@ class PickSession:
         """Show how far the run is."""
         self._change(progress=progress)
 
-    def finish(self, files: tuple[WrittenFile, ...], notes: tuple[str, ...]) -> None:
-        """Show what was written."""
+    def finish(
+        self,
+        files: tuple[WrittenFile, ...],
+        notes: tuple[str, ...],
+        rows: Iterable[Annotation] = (),
+    ) -> None:
+        """Show what was written; `rows` are the tracked boxes, a guide for corrections."""
+        targets = self._state.targets
+        self._tracked = {
+            (row.frame, targets[row.target - 1].id): Track(row.xywh, row.score)
+            for row in rows
+            if row.visible and row.target <= len(targets)
+        }
         self._change(phase="written", files=files, notes=notes)
 
     def _run(self) -> None:
@@ -206,9 +226,16 @@ class PickSession:
                 answer.set_result(result)
 
     def _execute(self, command: PickCommand) -> int | None:
-        if isinstance(command, Finish):
+        if isinstance(command, Finish | Correct):
             self._check_phase("written", "nothing is written yet: choose the targets first")
-            self.finished.set()
+            if isinstance(command, Correct):
+                if self._no_second_run is not None:
+                    raise CommandError("not-possible", self._no_second_run)
+                self.chosen.clear()
+                undo = bool(self._undo)
+                self._change(phase="picking", progress=None, can_undo=undo)
+                self._repeat()
+            self.seen.set()
             return None
         self._check_phase("picking", "the clip is being tracked: the targets cannot be changed")
         match command:
@@ -404,18 +431,18 @@ class PickSession:
             self._show(self.newest.frame)
 
     def _show(self, frame: Frame, tracked: tuple[Target, ...] | None = None) -> None:
-        """Show a frame, by default with the targets that have a box in it."""
+        """Show a frame, by default with the targets that have a box in it, given or tracked."""
         if self._reader.length != self._state.length:
             self._change(length=self._reader.length)
         targets = tracked
         if targets is None:
-            boxes = [each.keyframe(frame.index) for each in self._state.targets]
+            tracks = [self._known_track(each, frame.index) for each in self._state.targets]
             targets = tuple(
-                Target(each.id, target_name(number), target_color(number), Track(keyframe.xywh))
-                for number, (each, keyframe) in enumerate(
-                    zip(self._state.targets, boxes, strict=True)
+                Target(each.id, target_name(number), target_color(number), track)
+                for number, (each, track) in enumerate(
+                    zip(self._state.targets, tracks, strict=True)
                 )
-                if keyframe is not None and keyframe.xywh is not None
+                if track is not None
             )
         now = time.monotonic()
         self._passed_at = now
@@ -433,6 +460,13 @@ class PickSession:
             playback="paused" if tracked is None else "playing",
         )
         self._steps.notify(self.newest)
+
+    def _known_track(self, target: PickedTarget, index: int) -> Track | None:
+        """A target's keyframe in a frame, or else what the last run has found there."""
+        keyframe = target.keyframe(index)
+        if keyframe is None:
+            return self._tracked.get((index, target.id))
+        return None if keyframe.xywh is None else Track(keyframe.xywh)
 
     def _change(self, **fields: Any) -> None:
         with self._lock:
