@@ -69,7 +69,8 @@ def track(
 ) -> None:
     """Track targets through a video from a moving camera.
 
-    Without --box, a page opens in the browser, on which the targets are clicked.
+    Without --box, a page opens in the browser, on which the targets are clicked, and corrected in
+    further frames.
 
     Without --out, --results and --plot, the annotated video and a CSV file are written to the
     current folder. They are named after the source, and numbered if such files exist:
@@ -187,12 +188,13 @@ def track(
     job = job_for(len(targets) or 1)
     if not quiet:
         report_leftover_parts(job.paths.leftover_parts)
-    run = run_backward if backward else run_track
     progress = TerminalProgress(quiet=quiet)
-    if box:
-        run(job, targets, [progress])
+    if not box:
+        choose_and_track(job_for, progress, backward=backward)
+    elif backward:
+        run_backward(job, targets, [progress])
     else:
-        choose_and_track(job_for, run, progress)
+        run_track(job, targets, [progress])
 
 
 def _check_corrections(box: list[str] | None, *, backward: bool) -> None:

@@ -59,7 +59,7 @@ def run_corrected(
     job: TrackJob,
     keyframes: Sequence[Sequence[Keyframe]],
     progress: Sequence[RunProgress] = (),
-) -> None:
+) -> list[str]:
     """Track each target from its keyframes, and write the outputs.
 
     Parameters
@@ -69,6 +69,11 @@ def run_corrected(
     keyframes : sequence of sequence of Keyframe
         Of each target, at least one with a box.
     progress : sequence of RunProgress
+
+    Returns
+    -------
+    list of str
+        A line for each frame that a person should look at, the most doubtful first.
 
     Raises
     ------
@@ -98,10 +103,13 @@ def run_corrected(
             (each for target in targets for each in target.doubts()),
             key=lambda each: -each.doubt,
         )
+        lines = [
+            f"look here: frame {each.frame}, target {each.target}: {each.reason}"
+            for each in doubts[:_MOST_DOUBTS]
+        ]
         if not job.quiet:
             file = sys.stderr if str(job.paths.results) == STDOUT else sys.stdout
-            for doubt in doubts[:_MOST_DOUBTS]:
-                line = f"look here: frame {doubt.frame}, target {doubt.target}: {doubt.reason}"
+            for line in lines:
                 stack.callback(print, f"  {line}", file=file)
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
@@ -116,6 +124,7 @@ def run_corrected(
     check_complete(frames, summary)
     if scan.fault is not None:
         raise scan.fault
+    return lines
 
 
 def _views(job: TrackJob, frames: Source, scan: _Scan, first: _CorrectedTarget) -> Views:

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from helpers.browsing import PHONE, SECONDS
+from helpers.tracked_clip import rows_of
 from helpers.walking_clip import RATE, SIZE, write_shaking_clip
 from ssiam.exchange import read_annotations
 from ssiam.geometry import iou
@@ -231,6 +232,72 @@ def test_the_tracked_box_is_that_of_the_page(track, visit, truth, tmp_path):
     first = min((row for row in rows if not row.lost), key=lambda row: row.frame)
     assert first.frame == 10
     assert iou(first.xywh, tuple(drawn)) > 0.95
+
+
+def test_a_target_is_tracked_between_its_keyframes(track, visit, truth, tmp_path):
+    command = track("--tracker", "kcf", "--results", "boxes.csv")
+    person = Picker(visit(command.address()))
+    visitor, page = person.visitor, person.page
+    correct = page.get_by_role("button", name="Correct target 1 here")
+    person.seek(4)
+    visitor.draw(truth["stander"][4])
+    person.until(lambda state: state["selected"] == 1)
+    assert correct.is_disabled(), "its own frame"
+    # What a first run has found is shown, and selected by a click.
+    person.press("Track the whole clip")
+    person.until(lambda state: state["phase"] == "written")
+    page.get_by_role("button", name="Correct", exact=True).click()
+    person.until(lambda state: state["phase"] == "picking")
+    page.keyboard.press("Escape")
+    person.seek(6)
+    person.choose(person.state()["step"]["targets"][0]["box"])
+    assert person.until(lambda state: state["selected"] == 1)["step"]["index"] == 6
+    person.seek(20)
+    correct.click()
+    page.keyboard.press("Escape")
+    assert correct.get_attribute("aria-pressed") == "false"
+    correct.click()
+    visitor.draw(truth["stander"][20])
+    (target,) = person.until(lambda state: len(state["targets"][0]["keyframes"]) == 2)["targets"]
+    x, y, w, h = target["keyframes"][1]["box"]
+    assert (x, y, w, h) == pytest.approx(truth["stander"][20], abs=1.5)
+    visitor.press((x + w / 2, y + h / 2))
+    visitor.release((x + w / 2 + 3, y + h / 2 + 2))
+    person.until(lambda state: state["targets"][0]["keyframes"][1]["box"] != [x, y, w, h])
+    person.seek(10)
+    person.press("Absent here")
+    page.get_by_text("from frame 4 · 3 keyframes").wait_for()
+    page.keyboard.press("Delete")
+    page.get_by_text("from frame 4 · 2 keyframes").wait_for()
+    (target,) = person.state()["targets"]
+    assert target["keyframes"][1]["box"] == pytest.approx((x + 3, y + 2, w, h), abs=1.5)
+    person.press("Track the whole clip")
+    person.until(lambda state: state["phase"] == "written")
+    visitor.leave()
+    assert command.end()[0] == 0
+    rows = rows_of(tmp_path / "boxes.csv")
+    assert [row["lost"] for row in rows[:6]] == ["1"] * 4 + ["0"] * 2, (
+        "tracked before its first box"
+    )
+    given = {int(row["frame"]): row for row in rows if row["keyframe"] == "1"}
+    assert list(given) == [0, 4, 20]
+    for keyframe in target["keyframes"]:
+        row = given[keyframe["frame"]]
+        assert [float(row[name]) for name in "xywh"] == pytest.approx(keyframe["box"], abs=0.01)
+
+
+def test_a_backward_run_has_one_box_for_each_target(track, visit, truth):
+    command = track("--backward")
+    person = Picker(visit(command.address()))
+    person.visitor.draw(truth["stander"][0])
+    person.until(lambda state: state["selected"] == 1)
+    person.seek(9)
+    person.press("Correct target 1 here")
+    person.visitor.draw(truth["stander"][9])
+    person.page.get_by_text("start without --backward").wait_for()
+    assert len(person.state()["targets"][0]["keyframes"]) == 1
+    person.visitor.leave()
+    command.process.kill()
 
 
 def test_ctrl_c_ends_the_command_while_a_person_chooses(track, visit, tmp_path):

@@ -57,10 +57,40 @@ def test_all_clients_see_the_same(live, client):
         assert client.ask(type="add", frame=0, box=BOX)["answer"] == 1
         state = next_state(other, lambda state: state["targets"])
         assert state["targets"] == [
-            {"id": 1, "name": "target 1", "colour": "#5ae63c", "frame": 0, "box": BOX}
+            {
+                "id": 1,
+                "name": "target 1",
+                "colour": "#5ae63c",
+                "frame": 0,
+                "box": BOX,
+                "keyframes": [{"frame": 0, "box": BOX}],
+            }
         ]
         assert client.ask(type="seek", index=7)["answer"] == 7
         step_until(other, lambda header: header["index"] == 7)
+
+
+def test_keyframes_are_added_changed_and_removed(live, client):
+    with Client(live) as other:
+        client.ask(type="add", frame=0, box=BOX)
+        client.ask(type="seek", index=7)
+        assert client.ask(type="absent", id=1, frame=7)["type"] == "done"
+        client.ask(type="seek", index=9)
+        assert client.ask(type="click", id=1, frame=9, point=[60, 50])["answer"] == 1
+        client.ask(type="adjust", id=1, frame=9, box=[1, 2, 30, 40])
+        client.ask(type="remove", id=1, frame=0)
+        expected = [(0, BOX), (7, None), (9, [1, 2, 30, 40])]
+        wanted = [{"frame": frame, "box": box} for frame, box in expected]
+        for first in (0, 1):
+            (target,) = next_state(
+                other, lambda state, first=first: has_keyframes(state, wanted[first:])
+            )["targets"]
+            begins = wanted[2 * first]
+            assert (target["frame"], target["box"]) == (begins["frame"], begins["box"])
+
+
+def has_keyframes(state, wanted):
+    return [each["keyframes"] for each in state["targets"]] == [wanted]
 
 
 def test_progress_and_files_reach_clients_that_come_later(live, client, tmp_path):
@@ -136,10 +166,12 @@ def hostile_command(r):
         "add": {"frame": number(), "box": [number() for _ in range(r.integers(3, 6))]},
         "click": {"frame": number(), "point": [number() for _ in range(r.integers(1, 4))]},
         "adjust": {"id": number(), "box": [number() for _ in range(4)]},
+        "absent": {"id": number(), "frame": number()},
         "remove": {"id": number()},
         "undo": {},
         "preview": {"id": number()},
         "finish": {},
+        "correct": {},
         "pause": {},
         "rename": {"id": 1, "name": "x"},
         "restart": {},
@@ -189,6 +221,6 @@ def test_the_run_is_not_ended_by_a_client_that_vanishes(live, client):
     client.vanish()
     until(lambda: live.page._clients == 0)
     live.page.report(1, FRAMES, None)
-    assert live.page.wait_for_targets()[0].xywh == tuple(map(float, BOX))
+    assert live.page.wait_for_targets()[0][0].xywh == tuple(map(float, BOX))
     with Client(live) as other:
         assert other.next("picking", SECONDS)["phase"] == "tracking"

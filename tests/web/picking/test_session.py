@@ -9,13 +9,17 @@ import pytest
 
 from helpers.live_server import until
 from helpers.picking import FRAMES, NumberedClip, number_of, picking
-from ssiam.target_start import TargetStart
+from ssiam.exchange.blending import Keyframe
+from ssiam.track import Track
+from ssiam.video import open_results
 from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
+    MarkAbsent,
     Preview,
     Seek,
     TrackAll,
@@ -52,9 +56,68 @@ def test_targets_begin_in_the_frames_in_which_they_are_chosen(page, ask):
     ask(Adjust(1, (21, 30, 40, 36)))
     ask(TrackAll())
     assert page.wait_for_targets() == [
-        TargetStart(0, (21, 30, 40, 36)),
-        TargetStart(9, (50, 40, 20, 20)),
+        (Keyframe(0, (21, 30, 40, 36)),),
+        (Keyframe(9, (50, 40, 20, 20)),),
     ]
+
+
+def keyframes(page):
+    return [
+        {keyframe.frame: keyframe.xywh for keyframe in each.keyframes}
+        for each in page._session.state.targets
+    ]
+
+
+def test_a_target_has_keyframes_in_further_frames(page, ask):
+    ask(Seek(9))
+    assert ask(AddBox(9, BOX)) == 1
+    ask(Seek(4))
+    assert ask(Click(4, (60, 50), id=1)) == 1
+    ask(Adjust(1, (1, 2, 30, 40), frame=9))
+    ask(Seek(15))
+    ask(MarkAbsent(15, 1))
+    ask(Seek(20))
+    assert ask(AddBox(20, BOX, id=1)) == 1
+    expected = {4: (50, 40, 20, 20), 9: (1, 2, 30, 40), 15: None, 20: BOX}
+    assert keyframes(page) == [expected]
+    assert list(keyframes(page)[0]) == sorted(expected)
+    assert boxes(page) == [(1, 4, (50, 40, 20, 20))]
+    # Each is replaced in its own frame, and removed alone.
+    ask(MarkAbsent(20, 1))
+    ask(Discard(1, frame=4))
+    assert keyframes(page) == [{9: (1, 2, 30, 40), 15: None, 20: None}]
+    for _ in range(2):
+        ask(Undo())
+    assert keyframes(page) == [expected]
+    ask(TrackAll())
+    (own,) = page.wait_for_targets()
+    assert {each.frame: each.xywh for each in own} == expected
+
+
+def test_a_target_is_removed_with_its_last_box(page, ask):
+    ask(AddBox(0, BOX))
+    with pytest.raises(CommandError, match="only box"):
+        ask(MarkAbsent(0, 1))
+    ask(Seek(5))
+    ask(MarkAbsent(5, 1))
+    ask(Discard(1, frame=0))
+    assert keyframes(page) == []
+    ask(Undo())
+    assert keyframes(page) == [{0: BOX, 5: None}]
+
+
+def test_further_keyframes_are_refused_where_they_cannot_be_tracked():
+    with picking(no_keyframes="x: cannot be read from its end") as page:
+        until(lambda: page._session.newest is not None)
+        ask = lambda command: page._session.submit(command).result(SECONDS)  # noqa: E731
+        ask(AddBox(0, BOX))
+        ask(AddBox(0, (1, 2, 30, 40), id=1))
+        ask(Seek(5))
+        for command in (AddBox(5, BOX, id=1), Click(5, (60, 50), id=1), MarkAbsent(5, 1)):
+            with pytest.raises(CommandError, match="read from its end"):
+                ask(command)
+        assert keyframes(page) == [{0: (1, 2, 30, 40)}]
+        assert ask(AddBox(5, BOX)) == 2
 
 
 def test_every_change_can_be_taken_back(page, ask):
@@ -80,7 +143,13 @@ REFUSED = [
     (AddBox(0, (0, 0, 0.5, 9)), "bad-box"),
     (Adjust(1, (0, 0, 1e6, 1e6)), "bad-box"),
     (Adjust(7, BOX), "no-such-target"),
+    (Adjust(1, BOX, frame=3), "no-such-target"),
+    (AddBox(0, BOX, id=7), "no-such-target"),
+    (AddBox(3, BOX, id=1), "too-old"),
+    (MarkAbsent(3, 1), "too-old"),
+    (MarkAbsent(0, 7), "no-such-target"),
     (Discard(7), "no-such-target"),
+    (Discard(1, frame=3), "no-such-target"),
     (Preview(7), "no-such-target"),
     (Finish(), "not-possible"),
 ]
@@ -119,6 +188,53 @@ def test_the_targets_are_fixed_once_the_run_has_begun(page, ask):
     page.wait_until_done()
 
 
+def test_a_written_clip_is_corrected_with_its_boxes_as_a_guide(page, ask, tmp_path):
+    ask(AddBox(0, BOX))
+    with pytest.raises(CommandError, match="nothing is written"):
+        ask(Correct())
+    ask(TrackAll())
+    page._on_clients(1)
+    assert len(page.wait_for_targets()) == 1
+    results = tmp_path / "r.csv"
+    with open_results(results, layout=None, targets=1) as sink:
+        for index, lost in enumerate([False, False, False, True]):
+            sink.write(index, None, [Track((index, 2, 30, 40), score=0.5, lost=lost)])
+    page.finish([("results", results)], ["look here: frame 2"])
+    answer = []
+    waiter = threading.Thread(target=lambda: answer.append(page.wait_until_done()))
+    waiter.start()
+    ask(Correct())
+    waiter.join(SECONDS)
+    assert answer == [True]
+    state = page._session.state
+    assert (state.phase, state.notes, state.can_undo) == ("picking", ("look here: frame 2",), True)
+    shown = []
+    for index in range(4):
+        ask(Seek(index))
+        shown.append([each.track.box for each in page._session.newest.targets])
+    assert shown == [[BOX], [(1, 2, 30, 40)], [(2, 2, 30, 40)], []]
+    ask(Seek(2))
+    ask(AddBox(2, BOX, id=1))
+    assert page._session.newest.targets[0].track.box == BOX
+    ask(TrackAll())
+    assert [each.frame for each in page.wait_for_targets()[0]] == [0, 2]
+    page.finish([])
+    ask(Finish())
+    assert not page.wait_until_done()
+
+
+def test_a_second_run_is_refused_where_results_cannot_be_replaced():
+    with picking(no_second_run="cannot be written again") as page:
+        until(lambda: page._session.newest is not None)
+        ask = lambda command: page._session.submit(command).result(SECONDS)  # noqa: E731
+        ask(AddBox(0, BOX))
+        ask(TrackAll())
+        page.finish([])
+        with pytest.raises(CommandError, match="written again"):
+            ask(Correct())
+        assert page._session.state.phase == "written"
+
+
 def test_a_preview_shows_one_second_with_all_targets_of_it(page, ask):
     ask(AddBox(0, BOX))
     ask(Seek(4))
@@ -130,6 +246,24 @@ def test_a_preview_shows_one_second_with_all_targets_of_it(page, ask):
     assert shown == [(index, ["target 1", "target 2"][: 1 + (index >= 4)]) for index in range(10)]
     assert all(step.playback == "playing" for step in steps)
     assert page._session.state.phase == "picking"
+
+
+def test_a_preview_begins_again_at_keyframes(page, ask):
+    ask(AddBox(0, BOX))
+    for index, command in ((4, MarkAbsent(4, 1)), (7, AddBox(7, (80, 40, 30, 30), id=1))):
+        ask(Seek(index))
+        ask(command)
+    steps = []
+    page._session.listen(steps.append, lambda state: None)
+    ask(Preview(1))
+    assert steps[0].frame.index == 7, "not from the keyframe that is shown"
+    ask(Seek(1))
+    steps.clear()
+    ask(Preview(1))
+    shown = {step.frame.index: [each.id for each in step.targets] for step in steps}
+    assert shown == {index: [] if 4 <= index < 7 else [1] for index in range(10)}
+    (again,) = (step.targets for step in steps if step.frame.index == 7)
+    assert again[0].track.box == (80, 40, 30, 30)
 
 
 def test_a_command_ends_the_preview(page, ask):
@@ -166,7 +300,7 @@ def test_the_page_begins_where_the_run_begins():
         session = page._session
         assert session.newest.frame.index == 5
         assert session.submit(Seek(4)).result(SECONDS) == 4
-        with pytest.raises(CommandError, match="before the part"):
+        with pytest.raises(CommandError, match="outside of the part"):
             session.submit(AddBox(4, BOX)).result(SECONDS)
 
 
@@ -189,7 +323,7 @@ def test_a_page_that_comes_back_is_waited_for(page):
     page._session.submit(AddBox(0, BOX)).result(SECONDS)
     page._session.submit(TrackAll()).result(SECONDS)
     waiter.join(SECONDS)
-    assert found == [[TargetStart(0, BOX)]]
+    assert found == [[(Keyframe(0, BOX),)]]
 
 
 def test_without_a_visitor_nobody_has_to_say_done(page):

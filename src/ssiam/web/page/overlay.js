@@ -5,6 +5,7 @@ import { cornersOf, mapPoint } from "./geometry.js";
 const FONT = "600 12px system-ui, sans-serif"; // CSS pixels, as all lengths here
 const LINE = 18;
 const GAP = 6;
+const DASHES = [7, 5];
 const DARK = "rgb(8 12 15 / 82%)";
 const LOST = "#ff8f8f";
 const SELECTION = "#ffffff";
@@ -22,7 +23,7 @@ const HANDLE = matchMedia("(pointer: coarse)").matches ? 7 : 4; // half of a han
 /**
  * Draw boxes with names and scores, and the names of lost targets in the lower left corner.
  * @param {Surface} surface
- * @param {import("./steps.js").Target[]} targets
+ * @param {(import("./steps.js").Target & {guide?: boolean})[]} targets a guide is dashed
  * @param {(target: object) => "tracking" | "lost" | "found"} stateOf
  * @param {number | null} selected
  */
@@ -53,9 +54,11 @@ function drawTarget(surface, target, found, selected) {
     points.map((point) => mapPoint(viewFromRaw, point).map((value) => value * scale));
   const box = toView(cornersOf(target.box));
   const lineWidth = (found ? 4 : 2) + (selected ? 1 : 0);
+  context.setLineDash(target.guide ? DASHES : []);
   drawOutline(context, box, color, target.corners ? 1 : lineWidth);
+  context.setLineDash([]);
   if (target.corners) drawOutline(context, toView(target.corners), color, lineWidth);
-  if (selected) drawHandles(context, box, color);
+  if (selected && !target.guide) drawHandles(context, box, color);
   const points = target.corners ? [...box, ...toView(target.corners)] : box;
   const score = target.score === null ? "" : ` ${target.score.toFixed(2)}`;
   const text = `${found ? "FOUND " : ""}${target.name}${score}`;

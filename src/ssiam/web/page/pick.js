@@ -4,6 +4,7 @@ import { watchKeys } from "./controls.js";
 import { StepDisplay } from "./display.js";
 import { BoxDrawing } from "./drawing.js";
 import { boxBetween, contains, cornersOf } from "./geometry.js";
+import { KeyframeButtons, isRemovable, keyframeIn, marksOf, noteOf } from "./keyframes.js";
 import { announce, banner, hint, toast } from "./notes.js";
 import { SeekBar } from "./seekbar.js";
 import { CommandError, OFFLINE, Socket, withToken } from "./socket.js";
@@ -14,7 +15,8 @@ import { Views } from "./views.js";
 const MIN_SIDE = 2; // frame pixels of a box that is resized
 const VIDEO = "video";
 const IS_TOUCH = matchMedia("(hover: none) and (pointer: coarse)").matches;
-const FIRST_HINT = `${IS_TOUCH ? "Tap" : "Click"} what you want to track, or drag a box around it.`;
+const CLICK = IS_TOUCH ? "Tap" : "Click";
+const FIRST_HINT = `${CLICK} what you want to track, or drag a box around it.`;
 
 const byId = (id) => document.getElementById(id);
 
@@ -22,7 +24,7 @@ class PickPage {
   #hello = null;
   #state = { phase: "picking", length: null, targets: [], undo: false, progress: null, files: [], notes: [] };
   #selected = null;
-  #changed = null; // {id, box} of a box that is being moved or resized
+  #changed = null; // {id, frame, box} of a box that is being moved or resized
   #busy = false; // a box is being proposed
   #ended = false;
   #socket = new Socket({
@@ -49,6 +51,11 @@ class PickPage {
     select: (id) => this.#select(id, true),
     remove: (id) => this.#command({ type: "remove", id }),
   });
+  #keyframes = new KeyframeButtons({
+    armed: () => this.#showHint(),
+    absent: ({ id }, frame) => this.#command({ type: "absent", id, frame }),
+    remove: ({ id }, frame) => this.#command({ type: "remove", id, frame }),
+  });
   #seekBar = new SeekBar(byId("seek"), (index) => this.#command({ type: "seek", index }));
 
   /** Header of the frame that is shown, or null. */
@@ -72,6 +79,7 @@ class PickPage {
     byId("undo").addEventListener("click", () => this.#command({ type: "undo" }));
     byId("preview").addEventListener("click", () => this.#preview());
     byId("track").addEventListener("click", () => this.#command({ type: "track" }));
+    byId("again").addEventListener("click", () => this.#command({ type: "correct" }));
     byId("finish").addEventListener("click", () => this.#finish());
     byId("video").addEventListener("error", () => this.#cannotPlay());
     document.addEventListener("keydown", (event) => this.#onUndoKey(event));
@@ -80,6 +88,8 @@ class PickPage {
       ArrowRight: () => byId("forward").click(),
       " ": () => byId("preview").click(),
       p: () => byId("preview").click(),
+      c: () => byId("correct").click(),
+      a: () => byId("absent").click(),
       Delete: () => this.#removeSelected(),
       Backspace: () => this.#removeSelected(),
       Escape: () => this.#escape(),
@@ -129,20 +139,45 @@ class PickPage {
 
   #draw({ header, bitmaps }) {
     const isTracked = header.playing === "playing";
-    const targets = isTracked ? header.targets : this.#startsIn(header.index);
+    const targets = isTracked ? header.targets : this.#targetsIn(header);
+    this.#showKeyframes();
     const marks = { stateOf: () => "tracking", selected: isTracked ? null : this.#selected };
     const step = { header: { ...header, targets }, bitmaps };
     this.#views.draw(step, (view) => this.#drawing.selectionIn(view), marks);
   }
 
-  /** The targets that begin in a frame, as they are drawn. */
-  #startsIn(index) {
+  /** The targets that have a box in a frame, as they are drawn. */
+  #boxesIn(index) {
+    const changed = this.#changed;
     return this.#state.targets
-      .filter(({ frame }) => frame === index)
+      .filter((target) => keyframeIn(target, index)?.box)
       .map((target) => {
-        const box = this.#changed?.id === target.id ? this.#changed.box : target.box;
+        const isChanged = changed?.id === target.id && changed.frame === index;
+        const { box } = isChanged ? changed : keyframeIn(target, index);
         return { ...target, box, corners: null, score: null, lost: false };
       });
+  }
+
+  /** Those, and where the last run has tracked the others, as a guide. */
+  #targetsIn(header) {
+    const isGuide = ({ id }) => {
+      const target = this.#state.targets.find((each) => each.id === id);
+      return target && !keyframeIn(target, header.index);
+    };
+    const tracked = header.targets.filter(isGuide).map((target) => ({ ...target, guide: true }));
+    return [...tracked, ...this.#boxesIn(header.index)];
+  }
+
+  /** The selected target, or null. */
+  get #target() {
+    return this.#state.targets.find(({ id }) => id === this.#selected) ?? null;
+  }
+
+  #showKeyframes() {
+    const { shown } = this;
+    const takesBoxes = this.#state.phase === "picking" && shown?.playing === "paused";
+    this.#keyframes.update(this.#target, takesBoxes ? shown.index : null, this.#state.targets.length > 0);
+    this.#showHint();
   }
 
   #showPhase(before) {
@@ -155,27 +190,38 @@ class PickPage {
     byId("track").disabled = byId("preview").disabled = targets.length === 0;
     byId("preview").textContent = phase === "preview" ? "Stop" : "Preview";
     if (phase === "tracking") this.#showProgress(progress);
-    if (phase === "written" && byId("results").hidden) this.#showResults();
+    byId("results").hidden = phase === "tracking" || !this.#state.notes.length;
+    byId("results-title").textContent = phase === "written" ? "Written" : "Last run";
+    byId("notes").replaceChildren(...this.#state.notes.map((note) => make("li", note)));
+    byId("done").hidden = byId("files").hidden = phase !== "written";
+    if (phase === "written" && before !== phase) this.#showResults();
+    if (before === "written" && phase !== before) this.#hideResults();
     if (phase !== before) announce({ preview: "Preview.", tracking: "Tracking the clip.", written: "Written." }[phase] ?? "");
     this.#showHint();
   }
 
   #showHint() {
     const { phase, targets } = this.#state;
-    const hints = { picking: targets.length ? "" : FIRST_HINT, preview: "Preview" };
+    const hints = { picking: targets.length ? this.#keyframeHint() : FIRST_HINT, preview: "Preview" };
     hint(this.#busy ? "Looking for the object …" : (hints[phase] ?? ""));
+  }
+
+  #keyframeHint() {
+    const target = this.#target;
+    if (!target) return "";
+    if (this.#keyframes.armed !== null) return `${CLICK} ${target.name}, or drag a box around it.`;
+    const isAbsent = keyframeIn(target, this.shown?.index)?.box === null;
+    return isAbsent ? `From here to its next keyframe, ${target.name} is absent.` : "";
   }
 
   #showTargets() {
     const { fps } = this.#hello;
     const isPicking = this.#state.phase === "picking" || this.#state.phase === "preview";
     byId("targets").inert = !isPicking;
-    const rows = this.#state.targets.map((target) => {
-      const seconds = fps ? ` · ${(target.frame / fps).toFixed(1)} s` : "";
-      return { ...target, score: null, note: `from frame ${target.frame}${seconds}` };
-    });
+    const rows = this.#state.targets.map((target) => ({ ...target, score: null, note: noteOf(target, fps) }));
     this.#targets.update(rows, () => "tracking", () => "", this.#selected);
-    this.#seekBar.mark(this.#state.targets.map(({ frame, colour: color }) => ({ index: frame, color })));
+    this.#seekBar.mark(marksOf(this.#state.targets));
+    this.#showKeyframes();
   }
 
   #showProgress(progress) {
@@ -191,15 +237,22 @@ class PickPage {
   }
 
   #showResults() {
-    const { files, notes } = this.#state;
-    byId("results").hidden = false;
+    const { files } = this.#state;
     byId("files").replaceChildren(...files.map(fileItem));
-    byId("notes").replaceChildren(...notes.map((note) => make("li", note)));
     const video = files.find(({ kind }) => kind === VIDEO);
     if (video) byId("video").src = urlOf(video.name);
     this.#showVideo(Boolean(video));
     document.title = "written – ssiam track";
     byId("results").scrollIntoView({ block: "nearest" });
+  }
+
+  /** The targets are corrected, with the notes of the run beside them. */
+  #hideResults() {
+    byId("video").removeAttribute("src");
+    byId("video").load();
+    byId("not-played").hidden = true;
+    this.#showVideo(false);
+    document.title = `${byId("source").textContent} – ssiam track`;
   }
 
   #showVideo(isShown) {
@@ -233,14 +286,17 @@ class PickPage {
     return header;
   }
 
+  /** Add a target, or a keyframe of the selected one. */
   async #add(command) {
-    const id = await this.#command(command);
+    const { armed } = this.#keyframes;
+    this.#keyframes.disarm();
+    const id = await this.#command(armed === null ? command : { ...command, id: armed });
     if (id !== undefined) this.#select(id);
   }
 
   async #click(point, header) {
-    const target = targetAt(this.#startsIn(header.index), point);
-    if (target) {
+    const target = targetAt(this.#targetsIn(header), point);
+    if (target && this.#keyframes.armed === null) {
       this.#select(target.id);
       return;
     }
@@ -258,24 +314,26 @@ class PickPage {
   /** The corner of the selected box at a point, or the box. */
   #grab(point, slack) {
     const { shown } = this;
-    const target = this.#state.targets.find(({ id }) => id === this.#selected);
-    if (!target || target.frame !== shown.index || shown.playing === "playing") return null;
-    const corners = cornersOf(target.box);
+    const target = this.#target;
+    const keyframe = target && keyframeIn(target, shown.index);
+    if (!keyframe?.box || this.#keyframes.armed !== null || shown.playing === "playing") return null;
+    const { frame, box } = keyframe;
+    const corners = cornersOf(box);
     const distances = corners.map(([x, y]) => Math.hypot(x - point[0], y - point[1]));
     const nearest = distances.indexOf(Math.min(...distances));
-    const [left, top, width, height] = target.box;
+    const [left, top, width, height] = box;
     const fromCenter = Math.hypot(left + width / 2 - point[0], top + height / 2 - point[1]);
     // A small box under a finger is moved from its center.
-    if (distances[nearest] <= Math.min(slack, contains(target.box, point) ? fromCenter : Infinity)) {
+    if (distances[nearest] <= Math.min(slack, contains(box, point) ? fromCenter : Infinity)) {
       const fixed = corners[(nearest + 2) % 4];
-      return this.#grip(target, (to) => boxBetween(fixed, to));
+      return this.#grip(target.id, frame, (to) => boxBetween(fixed, to));
     }
-    if (!contains(target.box, point)) return null;
+    if (!contains(box, point)) return null;
     const moved = (to) => [left + to[0] - point[0], top + to[1] - point[1], width, height];
-    return this.#grip(target, moved);
+    return this.#grip(target.id, frame, moved);
   }
 
-  #grip({ id }, boxAt) {
+  #grip(id, frame, boxAt) {
     const show = (changed) => {
       this.#changed = changed;
       this.#display.redraw();
@@ -283,7 +341,7 @@ class PickPage {
     return {
       move: (to) => {
         const box = boxAt(to);
-        if (Math.min(box[2], box[3]) >= MIN_SIDE) show({ id, box });
+        if (Math.min(box[2], box[3]) >= MIN_SIDE) show({ id, frame, box });
       },
       drop: async () => {
         const changed = this.#changed;
@@ -304,17 +362,25 @@ class PickPage {
   #select(id, seek = false) {
     this.#selected = id;
     const target = this.#state.targets.find((each) => each.id === id);
-    if (seek && target && target.frame !== this.shown?.index) this.#seekBar.to(target.frame);
+    if (seek && target && !keyframeIn(target, this.shown?.index)) this.#seekBar.to(target.frame);
     this.#showTargets();
     this.#display.redraw();
   }
 
   #removeSelected() {
-    if (this.#selected !== null) this.#command({ type: "remove", id: this.#selected });
+    const target = this.#target;
+    if (!target) return;
+    const here = keyframeIn(target, this.shown?.index);
+    const part = here && isRemovable(target, here) ? { frame: here.frame } : {};
+    this.#command({ type: "remove", id: target.id, ...part });
   }
 
   #escape() {
     this.#drawing.cancel();
+    if (this.#keyframes.armed !== null) {
+      this.#keyframes.disarm();
+      return;
+    }
     this.#selected = null;
     this.#showTargets();
     this.#display.redraw();

@@ -63,13 +63,14 @@ export class SeekBar {
     this.#write(index, time);
   }
 
-  /** Mark frames, for instance those in which a target begins. */
+  /** Mark frames, for instance those in which a target has a box; some with a hollow mark. */
   mark(frames) {
     this.#marks.replaceChildren(
-      ...frames.map(({ index, color }) => {
+      ...frames.map(({ index, color, hollow = false }) => {
         const mark = document.createElement("i");
         mark.style.left = `${(100 * index) / Math.max(this.#last(), 1)}%`;
-        mark.style.backgroundColor = color;
+        mark.style.color = color;
+        mark.classList.toggle("hollow", hollow);
         return mark;
       }),
     );

@@ -8,12 +8,15 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from ssiam.copying import NotCopyable
 from ssiam.errors import IncompleteError, SsiamError
-from ssiam.target_start import TargetStart
+from ssiam.exchange.annotations import Annotation
+from ssiam.exchange.blending import Keyframe
+from ssiam.exchange.result_files import read_annotations
 from ssiam.trackers import StabilizedTracker
 from ssiam.video import Frame, Source
 from ssiam.web.picking.commands import Progress, WrittenFile
@@ -53,7 +56,11 @@ class PickPage(NotCopyable):
     needs_token : bool
         By default a token is needed on the loopback too: whoever opens the page could write files.
     is_selectable : callable
-        Whether a target may begin in a frame: not before the part that is tracked.
+        Whether a target may have a box in a frame: not outside of the part that is tracked.
+    no_keyframes : str, optional
+        Why a target can have a box in one frame only; shown if a second one is given.
+    no_second_run : str, optional
+        Why the targets cannot be corrected after all was written; shown if a person wants to.
     propose : callable, optional
         From an image and a point to a box; by default a `BoxProposer`.
     limits : ServerLimits, optional
@@ -77,12 +84,16 @@ class PickPage(NotCopyable):
         port: int = 0,
         needs_token: bool = True,
         is_selectable: Callable[[Frame], bool] = lambda frame: True,
+        no_keyframes: str | None = None,
+        no_second_run: str | None = None,
         propose: Propose | None = None,
         limits: ServerLimits | None = None,
         grace: tuple[float, float] = (_PICKING_GRACE, _WRITTEN_GRACE),
     ) -> None:
         propose = BoxProposer().propose if propose is None else propose
-        self._session = PickSession(open_frames, tracker, name, propose, is_selectable)
+        self._session = PickSession(
+            open_frames, tracker, name, propose, is_selectable, no_keyframes, no_second_run
+        )
         self._service = PickService(self._session, self._on_clients)
         self._server = PageServer(self._service, host, port, needs_token=needs_token, limits=limits)
         self._grace = grace
@@ -117,8 +128,16 @@ class PickPage(NotCopyable):
         self._session.close()
         self._server.close()
 
-    def wait_for_targets(self) -> list[TargetStart]:
-        """Wait until the person has chosen; the targets in the order of their numbers.
+    @property
+    def first_index(self) -> int:
+        """The first frame of the part that is tracked, once targets are chosen."""
+        return self._session.first_index
+
+    def wait_for_targets(self) -> list[tuple[Keyframe, ...]]:
+        """Wait until the person has chosen; the keyframes of each target.
+
+        Targets are in the order of their numbers, keyframes in that of the frames. Each target has
+        a box in one at least, and begins in the first of these.
 
         Raises
         ------
@@ -130,7 +149,7 @@ class PickPage(NotCopyable):
         self._wait(self._session.chosen, self._grace[0])
         if not self._session.chosen.is_set():
             raise PageClosedError("the page was closed before targets were chosen; nothing written")
-        return self._session.starts()
+        return self._session.keyframes()
 
     def report(self, done: int, total: int | None, fps: float | None) -> None:
         """Show how many frames are done; calls that follow too fast are ignored."""
@@ -145,20 +164,38 @@ class PickPage(NotCopyable):
         Parameters
         ----------
         paths : sequence of (str, Path)
-            Kind ("video", ...) and path of each file. Missing ones are left out.
+            Kind ("video", ...) and path of each file. Missing ones are left out. The boxes of
+            results in .csv or .jsonl are a guide for corrections.
         notes : sequence of str
             Further lines, such as the summary.
         """
         found = [(kind, path.resolve()) for kind, path in paths if path.is_file()]
         self._service.files = {path.name: path for _, path in found}
         files = tuple(WrittenFile(kind, path.name, path.stat().st_size) for kind, path in found)
-        self._session.finish(files, tuple(notes))
+        self._session.finish(files, tuple(notes), self._rows(found))
 
-    def wait_until_done(self) -> None:
-        """Wait until the person is done with the results, or has closed the page."""
+    def _rows(self, found: Sequence[tuple[str, Path]]) -> tuple[Annotation, ...]:
+        """The boxes of the results; none if these are of another kind."""
+        for kind, path in found:
+            if kind == "results" and path.suffix in (".csv", ".jsonl"):
+                with suppress(SsiamError):
+                    return read_annotations(path, self._session.size_wh, self._session.fps).rows
+        return ()
+
+    def wait_until_done(self) -> bool:
+        """Wait until the person is done with the results, or has closed the page.
+
+        Returns
+        -------
+        bool
+            Whether the person corrects the targets now: `wait_for_targets` follows.
+        """
         if self._alone_since is None and not self._clients:
-            return
-        self._wait(self._session.finished, self._grace[1])
+            return False
+        self._wait(self._session.seen, self._grace[1])
+        is_again = self._session.seen.is_set() and self._session.state.phase != "written"
+        self._session.seen.clear()
+        return is_again
 
     def _wait(self, event: threading.Event, grace: float) -> None:
         """Wait for an event, or until nobody has watched for `grace` seconds."""

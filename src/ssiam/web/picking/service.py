@@ -8,13 +8,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from ssiam.geometry import Image
+from ssiam.geometry import XYWH, Image
 from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
+    MarkAbsent,
     PickCommand,
     PickState,
     Preview,
@@ -45,16 +47,26 @@ def _id(fields: Fields) -> int:
     return fields.integer("id", 1, MAX_NUMBER)
 
 
+def _optional_id(fields: Fields) -> int | None:
+    return _id(fields) if "id" in fields else None
+
+
+def _optional_frame(fields: Fields) -> int | None:
+    return _frame(fields) if "frame" in fields else None
+
+
 _PARSERS: Final[Parsers] = {
     "seek": lambda fields: Seek(_frame(fields, "index")),
-    "add": lambda fields: AddBox(_frame(fields), fields.box()),
-    "click": lambda fields: Click(_frame(fields), fields.point()),
-    "adjust": lambda fields: Adjust(_id(fields), fields.box()),
-    "remove": lambda fields: Discard(_id(fields)),
+    "add": lambda fields: AddBox(_frame(fields), fields.box(), _optional_id(fields)),
+    "click": lambda fields: Click(_frame(fields), fields.point(), _optional_id(fields)),
+    "absent": lambda fields: MarkAbsent(_frame(fields), _id(fields)),
+    "adjust": lambda fields: Adjust(_id(fields), fields.box(), _optional_frame(fields)),
+    "remove": lambda fields: Discard(_id(fields), _optional_frame(fields)),
     "undo": lambda fields: Undo(),
-    "preview": lambda fields: Preview(_id(fields) if "id" in fields else None),
+    "preview": lambda fields: Preview(_optional_id(fields)),
     "track": lambda fields: TrackAll(),
     "finish": lambda fields: Finish(),
+    "correct": lambda fields: Correct(),
     **VIEW_PARSERS,
 }
 
@@ -135,7 +147,14 @@ def _state_message(state: PickState) -> str:
                 "name": target_name(number),
                 "colour": target_color(number),
                 "frame": each.frame,
-                "box": [rounded(value) for value in each.xywh],
+                "box": _rounded_box(each.xywh),
+                "keyframes": [
+                    {
+                        "frame": keyframe.frame,
+                        "box": None if keyframe.xywh is None else _rounded_box(keyframe.xywh),
+                    }
+                    for keyframe in each.keyframes
+                ],
             }
             for number, each in enumerate(state.targets)
         ],
@@ -150,3 +169,7 @@ def _state_message(state: PickState) -> str:
         files=[{"kind": each.kind, "name": each.name, "bytes": each.size} for each in state.files],
         notes=state.notes,
     )
+
+
+def _rounded_box(xywh: XYWH) -> list[float]:
+    return [rounded(value) for value in xywh]

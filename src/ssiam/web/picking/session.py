@@ -1,7 +1,7 @@
 """`PickSession`: shows frames of a source, and collects the targets that a person chooses in them.
 
 Threads: decoding, proposals and previews run on the session's thread, which alone changes the
-targets. `submit` only queues. The results (`chosen`, `finished`) are events, so that the main
+targets. `submit` only queues. The results (`chosen`, `seen`) are events, so that the main
 thread can wait for them and still receive Ctrl-C. `report` and `finish` are called on the main
 thread and change the state under its lock; listeners are called on the thread that changes it.
 """
@@ -13,15 +13,16 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
 from ssiam.errors import SsiamError, one_line
+from ssiam.exchange.annotations import Annotation
+from ssiam.exchange.blending import Keyframe
 from ssiam.geometry import IDENTITY, XYWH, check_box
-from ssiam.target_start import TargetStart
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 from ssiam.video import Frame, Source
@@ -30,8 +31,10 @@ from ssiam.web.picking.commands import (
     AddBox,
     Adjust,
     Click,
+    Correct,
     Discard,
     Finish,
+    MarkAbsent,
     PickCommand,
     PickedTarget,
     PickState,
@@ -73,9 +76,18 @@ class PickSession:
     propose : callable
         Called on the session's thread.
     is_selectable : callable
-        Whether a frame is in the part that is tracked, or after it; the first such frame is shown
-        at the start, and no target can begin before it.
+        Whether a frame is in the part that is tracked: targets have boxes only in such frames, and
+        the first of them is shown at the start.
+    no_keyframes : str, optional
+        Why a target can have a box in one frame only: how a second one is refused.
+    no_second_run : str, optional
+        Why the targets cannot be corrected after all was written.
     limits : SessionLimits, optional
+
+    Attributes
+    ----------
+    first_index : int
+        The first frame of the part that is tracked, once a frame is shown.
 
     Raises
     ------
@@ -90,13 +102,20 @@ class PickSession:
         name: str,
         propose: Propose,
         is_selectable: Callable[[Frame], bool] = lambda frame: True,
+        no_keyframes: str | None = None,
+        no_second_run: str | None = None,
         limits: SessionLimits | None = None,
     ) -> None:
         self.limits = limits or SessionLimits()
         self.tracker_name = name
-        self.chosen, self.finished = threading.Event(), threading.Event()
+        self.chosen, self.seen = threading.Event(), threading.Event()
+        self._tracked: dict[
+            tuple[int, int], Track
+        ] = {}  # by frame and target's id, of the last run
         self._tracker, self._propose = tracker, propose
-        self._is_selectable = is_selectable
+        self._is_selectable, self._no_keyframes = is_selectable, no_keyframes
+        self._no_second_run = no_second_run
+        self.first_index = 0
         self._reader = FrameReader(open_frames)
         self.source, self.size_wh = self._reader.name, self._reader.size_wh
         self.fps = self._reader.fps
@@ -117,9 +136,9 @@ class PickSession:
         """The current state."""
         return self._state
 
-    def starts(self) -> list[TargetStart]:
-        """The chosen targets, in the order in which they are numbered."""
-        return [TargetStart(each.frame, each.xywh) for each in self._state.targets]
+    def keyframes(self) -> list[tuple[Keyframe, ...]]:
+        """Those of each target, in the order in which the targets are numbered."""
+        return [each.keyframes for each in self._state.targets]
 
     def listen(
         self, on_step: Callable[[Step], object], on_state: Callable[[PickState], object]
@@ -158,16 +177,27 @@ class PickSession:
         """Show how far the run is."""
         self._change(progress=progress)
 
-    def finish(self, files: tuple[WrittenFile, ...], notes: tuple[str, ...]) -> None:
-        """Show what was written."""
+    def finish(
+        self,
+        files: tuple[WrittenFile, ...],
+        notes: tuple[str, ...],
+        rows: Iterable[Annotation] = (),
+    ) -> None:
+        """Show what was written; `rows` are the tracked boxes, a guide for corrections."""
+        targets = self._state.targets
+        self._tracked = {
+            (row.frame, targets[row.target - 1].id): Track(row.xywh, row.score)
+            for row in rows
+            if row.visible and row.target <= len(targets)
+        }
         self._change(phase="written", files=files, notes=notes)
 
     def _run(self) -> None:
         try:
             try:
-                self._show(
-                    self._reader.read(sys.maxsize, lambda each: not self._is_selectable(each))
-                )
+                first = self._reader.read(sys.maxsize, lambda each: not self._is_selectable(each))
+                self.first_index = first.index
+                self._show(first)
             except Exception:
                 # Nothing is shown, and no target can be chosen; a person sees why on the terminal.
                 _log.exception("the first frame of %s", self.source)
@@ -196,9 +226,16 @@ class PickSession:
                 answer.set_result(result)
 
     def _execute(self, command: PickCommand) -> int | None:
-        if isinstance(command, Finish):
+        if isinstance(command, Finish | Correct):
             self._check_phase("written", "nothing is written yet: choose the targets first")
-            self.finished.set()
+            if isinstance(command, Correct):
+                if self._no_second_run is not None:
+                    raise CommandError("not-possible", self._no_second_run)
+                self.chosen.clear()
+                undo = bool(self._undo)
+                self._change(phase="picking", progress=None, can_undo=undo)
+                self._repeat()
+            self.seen.set()
             return None
         self._check_phase("picking", "the clip is being tracked: the targets cannot be changed")
         match command:
@@ -206,15 +243,18 @@ class PickSession:
                 frame = self._reader.read(index, self._is_wanted)
                 self._show(frame)
                 return frame.index
-            case AddBox(frame_index, xywh):
-                return self._add(self._frame(frame_index), xywh)
-            case Click(frame_index, point_xy):
-                return self._click(self._frame(frame_index), point_xy)
-            case Adjust(id, xywh):
-                self._adjust(id, xywh)
-            case Discard(id):
-                removed = self._find(id)
-                self._set_targets([each for each in self._state.targets if each != removed])
+            case AddBox(frame_index, xywh, id):
+                return self._add(self._frame(frame_index), xywh, id)
+            case Click(frame_index, point_xy, id):
+                return self._click(self._frame(frame_index), point_xy, id)
+            case MarkAbsent(frame_index, id):
+                self._mark_absent(self._frame(frame_index), id)
+            case Adjust(id, xywh, at):
+                self._adjust(id, xywh, at)
+            case Discard(id, at):
+                target = self._find(id)
+                keyframe = None if at is None else self._keyframe(target, at)
+                self._set_keyframes(target, target.others(keyframe.frame) if keyframe else [])
             case Undo():
                 self._take_back()
             case Preview(id):
@@ -236,31 +276,65 @@ class PickSession:
         if shown is None or shown.index != index:
             raise CommandError("too-old", f"frame {index} is not shown any more: try again")
         if not self._is_selectable(shown):
-            text = f"frame {index} is before the part that is tracked: choose a later one"
+            text = f"frame {index} is outside of the part that is tracked: choose another one"
             raise CommandError("not-possible", text)
         return shown
 
-    def _click(self, frame: Frame, point_xy: tuple[float, float]) -> int:
+    def _click(self, frame: Frame, point_xy: tuple[float, float], id: int | None) -> int:
         width, height = self.size_wh
         if not (0 <= point_xy[0] <= width and 0 <= point_xy[1] <= height):
             x, y = point_xy
             raise CommandError("bad-box", f"point {x:g}, {y:g} is outside of the frame")
-        return self._add(frame, self._propose(frame.image, point_xy))
+        return self._add(frame, self._propose(frame.image, point_xy), id)
 
-    def _add(self, frame: Frame, xywh: XYWH) -> int:
+    def _add(self, frame: Frame, xywh: XYWH, id: int | None) -> int:
+        if id is not None:
+            self._add_keyframe(self._find(id), Keyframe(frame.index, self._checked(xywh)))
+            return id
         targets = self._state.targets
         if len(targets) >= self.limits.targets:
             text = f"{self.limits.targets} targets are chosen already: remove one first"
             raise CommandError("too-many-targets", text)
-        added = PickedTarget(self._last_id + 1, frame.index, self._checked(xywh))
+        keyframe = Keyframe(frame.index, self._checked(xywh))
+        added = PickedTarget(self._last_id + 1, (keyframe,))
         self._last_id = added.id
         self._set_targets([*targets, added])
         return added.id
 
-    def _adjust(self, id: int, xywh: XYWH) -> None:
-        old, checked = self._find(id), self._checked(xywh)
-        changed = replace(old, xywh=checked)
-        self._set_targets([changed if each == old else each for each in self._state.targets])
+    def _mark_absent(self, frame: Frame, id: int) -> None:
+        target = self._find(id)
+        if all(each.xywh is None for each in target.others(frame.index)):
+            text = f"frame {frame.index} has the only box of this target: give another one first"
+            raise CommandError("not-possible", text)
+        self._add_keyframe(target, Keyframe(frame.index, None))
+
+    def _adjust(self, id: int, xywh: XYWH, at: int | None) -> None:
+        target = self._find(id)
+        frame = self._keyframe(target, target.frame if at is None else at).frame
+        self._add_keyframe(target, Keyframe(frame, self._checked(xywh)))
+
+    def _keyframe(self, target: PickedTarget, at: int) -> Keyframe:
+        found = target.keyframe(at)
+        if found is None:
+            text = f"frame {at} has no keyframe of target {target.id}"
+            raise CommandError("no-such-target", text)
+        return found
+
+    def _add_keyframe(self, target: PickedTarget, keyframe: Keyframe) -> None:
+        """Add a keyframe, or replace that in its frame."""
+        others = target.others(keyframe.frame)
+        if others and self._no_keyframes is not None:
+            raise CommandError("not-possible", self._no_keyframes)
+        self._set_keyframes(target, [*others, keyframe])
+
+    def _set_keyframes(self, target: PickedTarget, keyframes: list[Keyframe]) -> None:
+        """Change the keyframes of a target; if none has a box, remove it."""
+        ordered = tuple(sorted(keyframes, key=lambda each: each.frame))
+        is_kept = any(each.xywh is not None for each in ordered)
+        changed = [replace(target, keyframes=ordered)] if is_kept else []
+        targets = self._state.targets
+        number = targets.index(target)
+        self._set_targets([*targets[:number], *changed, *targets[number + 1 :]])
 
     def _checked(self, xywh: XYWH) -> XYWH:
         try:
@@ -290,7 +364,7 @@ class PickSession:
         targets = self._state.targets
         if not targets:
             raise CommandError("not-possible", "no target yet: click one in the frame")
-        first = min(each.frame for each in targets) if id is None else self._find(id).frame
+        first = self._preview_start(targets, id)
         rate = min(max(self.fps, _PREVIEW_RATES[0]), _PREVIEW_RATES[1])
         count = max(2, round(_PREVIEW_SECONDS * self.fps))
         self._change(phase="preview")
@@ -299,10 +373,17 @@ class PickSession:
         finally:
             self._change(phase="picking")
 
+    def _preview_start(self, targets: tuple[PickedTarget, ...], id: int | None) -> int:
+        if id is None:
+            return min(each.frame for each in targets)
+        target = self._find(id)
+        shown = None if self.newest is None else target.keyframe(self.newest.frame.index)
+        return target.frame if shown is None or shown.xywh is None else shown.frame
+
     def _track(self, picked: tuple[PickedTarget, ...], first: int, count: int, rate: float) -> None:
         """Track `count` frames from `first` on, and show them at `rate`, unless a command comes."""
         tracked = Targets(self._tracker, len(picked), lambda context, error: one_line(error))
-        numbers: list[int] = []  # of the picked targets, in the order in which they are tracked
+        numbers: dict[int, int] = {}  # of the picked targets, by their ids in `tracked`
         due = time.monotonic()
         for index in range(first, first + count):
             frame = self._reader.read(index, lambda frame: not self._is_interrupted())
@@ -313,14 +394,20 @@ class PickSession:
             else:
                 tracked.update(frame)
             for number, each in enumerate(picked):
-                if each.frame == index:
-                    tracked.add([frame], each.xywh, None)
-                    numbers.append(number)
-            shown = tuple(
+                keyframe = each.keyframe(index)
+                if keyframe is None:
+                    continue
+                for id in [id for id, running in numbers.items() if running == number]:
+                    tracked.remove(id)
+                    del numbers[id]
+                if keyframe.xywh is not None:
+                    numbers[tracked.add([frame], keyframe.xywh, None)] = number
+            shown = [
                 replace(target, id=picked[n].id, name=target_name(n), color=target_color(n))
-                for n, target in zip(numbers, tracked.snapshot(), strict=True)
-            )
-            self._show(frame, shown)
+                for target in tracked.snapshot()
+                for n in [numbers[target.id]]
+            ]
+            self._show(frame, tuple(sorted(shown, key=lambda target: target.id)))
             due += 1 / rate
             with self._arrived:
                 wait = due - time.monotonic()
@@ -344,15 +431,18 @@ class PickSession:
             self._show(self.newest.frame)
 
     def _show(self, frame: Frame, tracked: tuple[Target, ...] | None = None) -> None:
-        """Show a frame, by default with the targets that begin in it."""
+        """Show a frame, by default with the targets that have a box in it, given or tracked."""
         if self._reader.length != self._state.length:
             self._change(length=self._reader.length)
         targets = tracked
         if targets is None:
+            tracks = [self._known_track(each, frame.index) for each in self._state.targets]
             targets = tuple(
-                Target(each.id, target_name(number), target_color(number), Track(each.xywh))
-                for number, each in enumerate(self._state.targets)
-                if each.frame == frame.index
+                Target(each.id, target_name(number), target_color(number), track)
+                for number, (each, track) in enumerate(
+                    zip(self._state.targets, tracks, strict=True)
+                )
+                if track is not None
             )
         now = time.monotonic()
         self._passed_at = now
@@ -370,6 +460,13 @@ class PickSession:
             playback="paused" if tracked is None else "playing",
         )
         self._steps.notify(self.newest)
+
+    def _known_track(self, target: PickedTarget, index: int) -> Track | None:
+        """A target's keyframe in a frame, or else what the last run has found there."""
+        keyframe = target.keyframe(index)
+        if keyframe is None:
+            return self._tracked.get((index, target.id))
+        return None if keyframe.xywh is None else Track(keyframe.xywh)
 
     def _change(self, **fields: Any) -> None:
         with self._lock:
