@@ -184,7 +184,7 @@ def test_the_page_reconnects(visit, clip):
 
 
 def test_the_token_is_sent_with_requests(visit, clip):
-    with served(feed_of(clip), needs_token=True) as server:
+    with served(feed_of(clip)) as server:
         address, token = server.address.split("#token=")
         visitor = visit(server.address)
         visitor.until_step(lambda step: True)

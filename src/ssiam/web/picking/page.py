@@ -51,7 +51,7 @@ class PickPage(NotCopyable):
     host, port
         As in `PageServer`; by default a free port of the loopback.
     needs_token : bool
-        By default a token is needed on the loopback too: whoever opens the page could write files.
+        As in `PageServer`: whoever opens the page could write files.
     is_selectable : callable
         Whether a target may begin in a frame: not before the part that is tracked.
     propose : callable, optional
@@ -167,7 +167,7 @@ class PickPage(NotCopyable):
             if alone_since is not None and time.monotonic() - alone_since > grace:
                 return
             if self._server.has_ended:
-                raise IncompleteError(f"{self.address}: the server has ended; see the log")
+                raise IncompleteError(f"{self._server.url}: the server has ended; see the log")
 
     def _on_clients(self, count: int) -> None:
         """Called on the server's thread."""
