@@ -68,7 +68,8 @@ def served(clip: Path, tracker: str | None) -> Iterator[tuple[str, psutil.Proces
         line = process.stdout.readline()
         address = next(word for word in line.split() if word.startswith("http://"))
         try:
-            yield address.replace("http://", "ws://") + "session", psutil.Process(process.pid)
+            socket = address.replace("http://", "ws://").replace("#", "session?")
+            yield socket, psutil.Process(process.pid)
         finally:
             process.terminate()
 

@@ -9,9 +9,9 @@ import shutil
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from itertools import count
+from itertools import count, takewhile
 from pathlib import Path
-from stat import S_ISDIR, S_ISREG
+from stat import S_ISDIR, S_ISREG, S_ISVTX, S_IWOTH
 from types import TracebackType
 from typing import IO, Any, TypeAlias, TypeVar
 
@@ -139,8 +139,16 @@ def output_error(path: Path, error: Exception, part: Path | None = None) -> Sink
     return SinkError(f"{path}: cannot be written ({reason}){rest}")
 
 
-def make_folder(path: Path) -> None:
-    """Create a folder and its parents, unless it exists.
+def make_folder(path: Path, *, exist_ok: bool = True) -> None:
+    """Create a folder and its parents.
+
+    A folder in a shared temporary one, such as /tmp, is open to its owner only.
+
+    Parameters
+    ----------
+    path : Path
+    exist_ok : bool
+        Whether it may exist already.
 
     Raises
     ------
@@ -148,9 +156,22 @@ def make_folder(path: Path) -> None:
         It cannot be created.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        missing = list(takewhile(lambda parent: not parent.exists(), path.parents))
+        for parent in reversed(missing):
+            parent.mkdir(_folder_mode(parent), exist_ok=True)
+        path.mkdir(_folder_mode(path), exist_ok=exist_ok)
     except OSError as error:
         raise output_error(path, error) from error
+
+
+def _folder_mode(path: Path) -> int:
+    return 0o700 if _is_shared(path.parent) else 0o777
+
+
+def _is_shared(folder: Path) -> bool:
+    """Whether all users may create files in a folder, and none may remove another's."""
+    wanted = S_ISVTX | S_IWOTH
+    return folder.stat().st_mode & wanted == wanted
 
 
 class PartFile:

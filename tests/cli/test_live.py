@@ -10,6 +10,7 @@ import time
 import pytest
 from websockets.sync.client import connect
 
+from helpers.live_server import socket_url
 from helpers.synthetic import golden_video
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
@@ -69,7 +70,7 @@ def test_live_session(clip, start_live, tmp_path):
     recordings, log = tmp_path / "recordings", tmp_path / "a.rrd"
     process, line = start_live("--recordings", str(recordings), "--rerun", str(log))
     assert line.startswith(f"{clip[0]}: http://127.0.0.1:")
-    with connect(find_address(line).replace("http", "ws") + "session") as client:
+    with connect(socket_url(find_address(line))) as client:
 
         def ask(**message):
             client.send(json.dumps({"ask": 1, **message}))
@@ -93,7 +94,7 @@ def test_live_session(clip, start_live, tmp_path):
 def test_a_file_waits_on_its_first_frame(start_live):
     _, line = start_live()
     time.sleep(1)
-    with connect(find_address(line).replace("http", "ws") + "session") as client:
+    with connect(socket_url(find_address(line))) as client:
 
         def next_step():
             while True:
@@ -126,16 +127,35 @@ def test_boxes_and_outputs_of_the_command_line(clip, start_live, tmp_path):
     assert results.read_text().splitlines()[1].startswith("1,")
 
 
-def test_token_option(start_live):
-    process, line = start_live("--token")
-    page, _, token = find_address(line).partition("/#token=")
+@pytest.mark.parametrize("options", [(), ("--token",)])
+def test_a_token_is_needed_on_the_loopback(start_live, options):
+    process, line = start_live(*options)
+    page, _, token = find_address(line).partition("#token=")
     assert len(token) > 20
-    socket_address = page.replace("http", "ws") + "/session"
-    with connect(f"{socket_address}?token={token}") as client:
+    with connect(socket_url(find_address(line))) as client:
         assert json.loads(client.recv(timeout=SECONDS))["type"] == "hello"
-    with pytest.raises(Exception, match="403"):
-        connect(socket_address)
+    for stranger in (page, f"{page}#token=wrong"):
+        with pytest.raises(Exception, match="403"):
+            connect(socket_url(stranger))
     assert interrupt(process) == (0, "")
+
+
+def test_no_token(start_live):
+    process, line = start_live("--no-token")
+    assert find_address(line).endswith("/")
+    with connect(socket_url(find_address(line))) as client:
+        assert json.loads(client.recv(timeout=SECONDS))["type"] == "hello"
+    assert interrupt(process) == (0, "")
+
+
+def test_no_token_for_other_machines_gives_one_warning(start_live):
+    process, line = start_live("--no-token", "--host", "0.0.0.0", "-q")
+    with connect(socket_url(find_address(line))) as client:
+        assert json.loads(client.recv(timeout=SECONDS))["type"] == "hello"
+    code, errors = interrupt(process)
+    assert code == 0
+    assert errors.startswith(f"ssiam: {find_address(line)} needs no token: ")
+    assert errors.count("\n") == 1
 
 
 def test_port_in_use_gives_one_line_error(clip, capsys):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from helpers.live_clients import Client, step_until
-from helpers.live_server import SECONDS
+from helpers.live_server import SECONDS, socket_url
 from helpers.synthetic import golden_video
 from ssiam.cli import main
 from ssiam.video import VideoSink, open_source
@@ -49,7 +49,7 @@ class Live:
     def __init__(self, process):
         self.process, self.first_line = process, process.stdout.readline()
         address = next(word for word in self.first_line.split() if word.startswith("http://"))
-        self.url = address.replace("http", "ws") + "session"
+        self.url = socket_url(address)
 
     def end(self, number):
         """Exit code and standard error after a signal."""

@@ -54,6 +54,12 @@ class EndlessFeed(Feed):
             time.sleep(1 / RATE)
 
 
+def socket_url(address):
+    """The URL of a page's WebSocket, from the address that its server prints."""
+    page, _, token = address.partition("#")
+    return f"{page.replace('http', 'ws', 1)}session?{token}"
+
+
 @dataclass
 class Live:
     """A served session."""
@@ -69,9 +75,11 @@ class Live:
 
     @property
     def url(self):
-        token = self.server.access.token
-        query = "" if token is None else f"?token={token}"
-        return f"ws://127.0.0.1:{self.port}/session{query}"
+        return socket_url(self.server.address)
+
+    def with_token(self, path):
+        """A path with the token in its query."""
+        return f"{path}?token={self.server.access.token}"
 
     def http(self, request):
         """The raw response to a raw request."""
@@ -87,8 +95,7 @@ class Live:
     @property
     def clients(self):
         """Number of clients that the server reports."""
-        query = self.url.partition("?")[2]
-        return json.loads(self.get(f"/health?{query}")[2])["clients"]
+        return json.loads(self.get(self.with_token("/health"))[2])["clients"]
 
     def get(self, target, *headers, method="GET", host=None):
         """Status, headers and body of the response to a request."""

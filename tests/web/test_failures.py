@@ -12,7 +12,7 @@ import pytest
 import ssiam
 from helpers.failing_trackers import Hang, every_tenth, failing_tracker, leave
 from helpers.live_clients import Client, step_until
-from helpers.live_server import SECONDS, SIZE, EndlessFeed, until
+from helpers.live_server import SECONDS, SIZE, EndlessFeed, socket_url, until
 from ssiam.errors import IncompleteError, SourceError
 from ssiam.video import Frame
 from ssiam.video.frames import SourceInfo
@@ -266,7 +266,7 @@ class Served:
 
     def __init__(self, session, server):
         self.session = session
-        self.url = f"ws://127.0.0.1:{server.access.port}/session"
+        self.url = socket_url(server.address)
 
 
 def test_a_server_that_ends_by_itself_raises(monkeypatch):

@@ -2,14 +2,17 @@
 
 import csv
 import json
+import os
 import resource
 import signal
+import tempfile
 import time
 import zipfile
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from queue import SimpleQueue
+from stat import S_IMODE
 from xml.etree import ElementTree
 
 import numpy as np
@@ -216,6 +219,65 @@ def test_without_a_folder_recordings_are_deleted(recordings):
     path = recordings.path(recorded(recordings, 2), "video.mp4")
     recordings.close()
     assert not path.exists()
+
+
+@pytest.mark.parametrize("exists", [False, True], ids=["new folder", "the shared one"])
+def test_in_a_shared_folder_other_users_cannot_read_recordings(tmp_path, exists):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    umask = os.umask(0o022)
+    try:
+        kept = Recordings(shared if exists else shared / "new" / "recordings")
+        part = kept.begin(RATE)
+        (folder,) = shared.iterdir()
+        assert S_IMODE(folder.stat().st_mode) == 0o700
+        assert list(folder.rglob("video.part.mp4")), f"the files of {part} are in it"
+        kept.close()
+        own = Recordings(tmp_path / "own")
+        own.close()
+        assert S_IMODE((tmp_path / "own").stat().st_mode) == 0o755, "as the user wants it"
+    finally:
+        os.umask(umask)
+
+
+def test_temporary_recordings_are_readable_by_their_owner_only(recordings):
+    path = recordings.path(recorded(recordings, 2), "video.mp4")
+    assert S_IMODE(path.parents[1].stat().st_mode) == 0o700
+
+
+@pytest.fixture
+def planted(tmp_path, monkeypatch):
+    """A temporary folder, and elsewhere a finished recording with a lock that is a link."""
+    folder = tmp_path / "planted"
+    kept = Recordings(folder)
+    recorded(kept, 2)
+    kept.close()
+    (folder / "recording.lock").symlink_to(tmp_path / "created")
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    return folder
+
+
+def test_a_link_in_the_temporary_folder_is_not_reported(planted, tmp_path):
+    (planted / "recording.lock").unlink()
+    (tmp_path / "tmp" / "ssiam-live-x").symlink_to(planted)
+    assert recording_files.abandoned_recordings() == []
+
+
+def test_a_lock_that_is_a_link_creates_no_file(planted, tmp_path):
+    planted.rename(tmp_path / "tmp" / "ssiam-live-x")
+    assert recording_files.abandoned_recordings() == []
+    assert not (tmp_path / "created").exists()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder to another user")
+def test_a_temporary_folder_of_another_user_is_not_reported(planted, tmp_path):
+    (planted / "recording.lock").unlink()
+    folder = planted.rename(tmp_path / "tmp" / "ssiam-live-x")
+    assert recording_files.abandoned_recordings() == [folder]
+    os.chown(folder, 12345, 12345)
+    assert recording_files.abandoned_recordings() == []
 
 
 def test_a_folder_that_cannot_be_created_is_named(tmp_path):

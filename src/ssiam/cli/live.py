@@ -67,7 +67,7 @@ def live(
     ] = False,
     host: Annotated[str, Parameter(group=_PAGE_GROUP)] = "127.0.0.1",
     port: Annotated[int, Parameter(group=_PAGE_GROUP)] = 8765,
-    token: Annotated[bool, Parameter(group=_PAGE_GROUP, negative=())] = False,
+    token: Annotated[bool, Parameter(group=_PAGE_GROUP, negative="--no-token")] = True,
     pace: Annotated[Literal["clock", "fast"], Parameter(group=_PAGE_GROUP)] = "clock",
     recordings: Annotated[Path | None, Parameter(group=_PAGE_GROUP)] = None,
     stream: Annotated[int | None, Parameter(group=RUNTIME_GROUP)] = None,
@@ -82,8 +82,8 @@ def live(
     A file waits on its first frame for a visitor of the page, unless there is other work: --box,
     --out, --results, --mavlink or --rerun.
 
-    Only this machine can open the page, unless --host is given; then the printed address contains
-    a token that is required to open the page.
+    Only this machine can open the page, unless --host is given. The printed address contains a
+    token, without which nobody sees the session, not even another user of this machine.
 
     Parameters
     ----------
@@ -110,7 +110,8 @@ def live(
     port
         Port to listen on; 0 selects a free one.
     token
-        Require a token on this machine too.
+        Require the token of the printed address; --no-token lets in whoever reaches the port, on
+        this machine all its users.
     pace
         Pace of a file: clock plays it by its frame times, fast as fast as the tracker runs.
     recordings
@@ -166,6 +167,9 @@ def live(
             text = f"{folder} has recordings of a session that was killed: --recordings {folder}"
             show(Note("info", f"{text} lists them"))
         server = None if headless else _server(session, host, port, needs_token=token)
+        if server is not None and server.is_open_to_machines:
+            text = "any machine that reaches it can watch, record and steer: omit --no-token"
+            show(Note("warning", f"{server.url} needs no token: {text}"))
         session.start()
         if mavlink is not None:
             from ssiam.web.mavlink.camera import MavlinkCamera

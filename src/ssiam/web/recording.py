@@ -16,7 +16,7 @@ from time import monotonic
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
-from ssiam.outputs import make_folder, output_error
+from ssiam.outputs import make_folder
 from ssiam.video import ResultSink, VideoSink, draw_tracks, open_results
 from ssiam.video.results import Row
 from ssiam.web.events import Listeners, StepQueue
@@ -48,7 +48,8 @@ class Recordings:
     Parameters
     ----------
     folder : Path, optional
-        Each recording gets a folder in it. Without it, recordings are deleted with the session.
+        Each recording gets a folder in it. Without it, recordings are deleted with the session;
+        until then only their owner can read them.
 
     Raises
     ------
@@ -247,10 +248,7 @@ class _Recorder:
         finished: Callable[[], None],
         notify: Callable[[Note], None],
     ) -> None:
-        try:
-            folder.mkdir()
-        except OSError as error:
-            raise output_error(folder, error) from error
+        make_folder(folder, exist_ok=False)
         self._folder, self.name = RecordingFolder(folder), folder.name
         self.is_open = True
         self._finished, self._notify = finished, notify

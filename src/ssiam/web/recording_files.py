@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any, Final
 
 from ssiam.errors import SinkError, SsiamError, one_line
@@ -168,7 +169,9 @@ class RecordingFolder:
         if fcntl is None:
             return True
         try:
-            descriptor = os.open(self.path / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            # Whoever may write to the folder could have put a link there.
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+            descriptor = os.open(self.path / _LOCK, flags, 0o600)
         except OSError:
             return False
         try:
@@ -274,15 +277,23 @@ def earlier_recordings(
 
 
 def abandoned_recordings() -> list[Path]:
-    """Temporary folders with recordings of sessions that were killed."""
+    """Temporary folders, owned by this user, with recordings of sessions that were killed."""
     found = []
     for path in sorted(Path(tempfile.gettempdir()).glob(f"{TEMPORARY_PREFIX}*")):
         folder = RecordingFolder(path)
         with suppress(OSError):
+            if not _is_own(path):
+                continue
             if any(path.iterdir()) and earlier_recordings(path) and folder.lock():
                 folder.unlock()
                 found.append(path)
     return found
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a folder belongs to this user and is no link; others can use its name too."""
+    status = path.lstat()
+    return S_ISDIR(status.st_mode) and (fcntl is None or status.st_uid == os.getuid())
 
 
 def _drop_partial_line(path: Path) -> None:

@@ -11,7 +11,7 @@ from helpers.live_server import serving, until
 
 @pytest.fixture(scope="module")
 def served():
-    with serving(needs_token=True) as live:
+    with serving() as live:
         watcher = Watcher(live)
         yield live, watcher
         watcher.close()

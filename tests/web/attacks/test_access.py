@@ -1,11 +1,24 @@
 """Requests without the token or from a foreign origin are refused."""
 
 import pytest
+from websockets.exceptions import InvalidStatus
 
 from helpers.live_clients import Client
+from helpers.live_server import serving
 from helpers.raw_sockets import handshake, status_of
 
 TOKENS = ["", "?token=", "?token=wrong", "?token=" + "x" * 4000, "?Token={}", "?token={}x"]
+
+
+def test_without_a_token_other_pages_of_the_browser_are_refused():
+    with serving(needs_token=False) as live:
+        here = f"127.0.0.1:{live.port}"
+        assert live.get("/health", f"Origin: http://{here}")[0] == 200
+        for origin in ("http://evil.example", f"http://localhost:{live.port}", "null"):
+            assert live.get("/health", f"Origin: {origin}")[0] == 403
+            with pytest.raises(InvalidStatus, match="403"):
+                Client(live, origin=origin)
+        assert live.get("/health", host=f"evil.example:{live.port}")[0] == 403, "DNS rebinding"
 
 
 @pytest.mark.parametrize("query", TOKENS)

@@ -10,7 +10,7 @@ import pytest
 
 import ssiam
 from helpers.live_clients import Client, step_until
-from helpers.live_server import SECONDS, SIZE, serving, until
+from helpers.live_server import SECONDS, SIZE, serving, socket_url, until
 from ssiam.web.feeds.pushed import PushedFeed
 from ssiam.web.recording import Recordings
 from ssiam.web.server.limits import ServerLimits
@@ -189,7 +189,7 @@ def test_damaged_frames_from_a_browser_do_not_end_the_session():
         LiveServer(session, port=0, limits=UNLIMITED) as server,
     ):
         r = np.random.default_rng(3)
-        address = f"ws://127.0.0.1:{server.access.port}/session"
+        address = socket_url(server.address)
         from websockets.sync.client import connect
 
         with connect(address, max_size=None) as socket:

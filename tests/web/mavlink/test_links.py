@@ -69,6 +69,18 @@ def test_a_flood_of_commands_is_limited(session, station):
         assert station.ask(REQUEST, INFORMATION) == ACCEPTED
 
 
+def test_commands_of_others_to_a_udpout_link_are_ignored(session, station):
+    with MavlinkCamera(session, station.address), GroundStation() as stranger:
+        session.step()
+        assert station.receive()
+        stranger.peer = station.peer
+        for _ in range(5):
+            stranger.send(command_long(RECTANGLE, 0.1, 0.1, 0.2, 0.2))
+        assert station.ask(REQUEST, INFORMATION) == ACCEPTED
+        assert session.submitted == []
+        assert stranger.receive(0.2) is None
+
+
 def test_all_senders_to_a_udpin_port_are_answered(session):
     port = free_port()
     stations = [GroundStation((HERE, port)) for _ in range(2)]

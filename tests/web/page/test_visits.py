@@ -171,20 +171,34 @@ def test_the_view_is_described_for_screen_readers(visitor, truth):
 
 
 def test_the_page_reconnects(visit, clip):
-    with served(feed_of(clip)) as server:
+    with served(feed_of(clip), needs_token=False) as server:
         port = server.access.port
         visitor = visit(server.address, may_log_errors=True)
         visitor.until_step(lambda step: True)
     banner = visitor.page.get_by_role("alert")
     banner.wait_for()
     assert visitor.page.get_by_role("button", name="Pause").is_disabled()
-    with served(feed_of(clip), port=port):
+    with served(feed_of(clip), port=port, needs_token=False):
+        banner.wait_for(state="hidden")
+        visitor.until_step(lambda step: step["playing"] == "playing")
+
+
+def test_the_page_of_an_earlier_server_needs_the_new_address(visit, clip):
+    with served(feed_of(clip)) as server:
+        port = server.access.port
+        visitor = visit(server.address, may_log_errors=True)
+        visitor.until_step(lambda step: True)
+    banner = visitor.page.get_by_role("alert")
+    banner.wait_for()
+    with served(feed_of(clip), port=port) as server:
+        visitor.page.get_by_text("#token=").wait_for()
+        visitor.page.goto(server.address)
         banner.wait_for(state="hidden")
         visitor.until_step(lambda step: step["playing"] == "playing")
 
 
 def test_the_token_is_sent_with_requests(visit, clip):
-    with served(feed_of(clip), needs_token=True) as server:
+    with served(feed_of(clip)) as server:
         address, token = server.address.split("#token=")
         visitor = visit(server.address)
         visitor.until_step(lambda step: True)

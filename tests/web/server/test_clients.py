@@ -58,17 +58,19 @@ def test_a_recording_is_announced_and_downloaded(live, client):
     name = client.ask(type="record", on=True)["answer"]
     step_until(client, lambda header: header["recording"] == name)
     client.next("step")
-    assert live.get(f"/recordings/{name}/video.mp4")[0] == 404
+    assert live.get(live.with_token(f"/recordings/{name}/video.mp4"))[0] == 404
     assert client.ask(type="record", on=False)["answer"] == name
     listed = client.next("recordings")["recordings"]
     while listed[-1]["open"] or not listed[-1]["files"]:
         listed = client.next("recordings")["recordings"]
     file = listed[-1]["files"][0]
-    status, headers, body = live.get(f"/recordings/{name}/{file}")
+    path = live.with_token(f"/recordings/{name}/{file}")
+    status, headers, body = live.get(path)
     assert status == 200
     assert headers["content-disposition"] == f'attachment; filename="{name}-{file}"'
     assert body == live.session.recordings.path(name, file).read_bytes()
-    assert live.get(f"/recordings/{name}/{file}", "Range: bytes=0-9")[2] == body[:10]
+    assert live.get(path, "Range: bytes=0-9")[2] == body[:10]
+    assert live.get(f"/recordings/{name}/{file}")[0] == 403, "without the token"
 
 
 def test_notes_are_sent_to_all_clients(live, client):

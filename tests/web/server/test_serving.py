@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 from contextlib import closing
 from pathlib import Path
 
@@ -12,25 +13,26 @@ import pytest
 
 from helpers.live_clients import Client
 from helpers.live_server import serving, until
-from ssiam.web.server.serving import ServerError, access_to, listen, page_address
+from ssiam.errors import IncompleteError
+from ssiam.web.server.serving import LiveServer, ServerError, access_to, listen, page_url
 
 FILES = [("/", "text/html"), ("/page/index.html", "text/html"), ("/page/main.js", "javascript")]
 
 
 @pytest.mark.parametrize(("path", "kind"), [*FILES, ("/health", "application/json")])
 def test_the_page_is_served(live, path, kind):
-    status, headers, body = live.get(path)
+    status, headers, body = live.get(live.with_token(path))
     assert status == 200
     assert kind in headers["content-type"]
     assert len(body) == int(headers["content-length"]) > 0
     assert "server" not in headers
-    status, head, body = live.get(path, method="HEAD")
+    status, head, body = live.get(live.with_token(path), method="HEAD")
     assert (status, body, head["content-length"]) == (200, b"", headers["content-length"])
 
 
 def test_the_token_gives_access_and_is_never_logged(caplog):
     caplog.set_level(logging.DEBUG)
-    with serving(needs_token=True) as live:
+    with serving() as live:
         token = live.server.access.token
         assert live.server.address == f"http://127.0.0.1:{live.port}/#token={token}"
         with Client(live) as client:
@@ -48,7 +50,7 @@ def test_the_port_is_released():
     with serving() as live:
         port = live.port
     with serving(port=port) as live:
-        assert live.get("/health")[0] == 200
+        assert live.get(live.with_token("/health"))[0] == 200
 
 
 def test_clients_are_disconnected_when_the_server_ends():
@@ -72,7 +74,7 @@ with serving() as live:
 from ssiam.web.server.serving import LiveServer
 server = LiveServer(live.session, port=0)
 def request():
-    print(urllib.request.urlopen(f"http://127.0.0.1:{server.access.port}/health").status)
+    print(urllib.request.urlopen(f"{server.url}health?token={server.access.token}").status)
     signal.raise_signal(signal.SIGINT)
 threading.Timer(0.3, request).start()
 server.run()
@@ -104,39 +106,77 @@ for package in ("starlette", "uvicorn", "websockets"):
 
 
 LISTENERS = [
-    # host, needs_token, whether a token is needed, names
-    ("127.0.0.1", False, False, {"127.0.0.1", "localhost", "::1"}),
-    ("localhost", False, False, {"localhost"}),
-    ("127.0.0.2", False, False, {"127.0.0.2"}),
-    ("127.0.0.1", True, True, {"127.0.0.1"}),
-    ("0.0.0.0", False, True, {socket.gethostname().lower()}),
+    # host, names
+    ("127.0.0.1", {"127.0.0.1", "localhost", "::1"}),
+    ("localhost", {"localhost"}),
+    ("127.0.0.2", {"127.0.0.2"}),
+    ("0.0.0.0", {socket.gethostname().lower()}),
 ]
 
 
-@pytest.mark.parametrize(("host", "needs_token", "needed", "names"), LISTENERS)
-def test_only_the_loopback_needs_no_token(host, needs_token, needed, names):
+@pytest.mark.parametrize("needs_token", [True, False])
+@pytest.mark.parametrize(("host", "names"), LISTENERS)
+def test_access_to_a_listener(host, names, needs_token):
     with closing(listen(host, 0)) as listener:
         access = access_to(listener, host, needs_token=needs_token)
         assert access.port == listener.getsockname()[1]
-        assert (access.token is not None) == needed
         assert names <= access.names
         assert access.any_address == (host == "0.0.0.0")
-        address = page_address(listener, access)
-    pattern = rf"http://[\w.\[\]:]+:{access.port}/(#token=[\w-]{{43}})?"
-    assert re.fullmatch(pattern, address)
-    assert ("#token=" in address) == needed
-    assert "0.0.0.0" not in address
+        url = page_url(listener, access)
+    assert re.fullmatch(r"[\w-]{43}", access.token) if needs_token else access.token is None
+    assert re.fullmatch(rf"http://[\w.\[\]:]+:{access.port}/", url)
+    assert "0.0.0.0" not in url
+
+
+NEEDS = [
+    # host, options, whether a token is needed, whether other machines need none
+    ("127.0.0.1", {}, True, False),
+    ("0.0.0.0", {}, True, False),
+    ("127.0.0.1", {"needs_token": False}, False, False),
+    ("0.0.0.0", {"needs_token": False}, False, True),
+]
+
+
+@pytest.mark.parametrize(("host", "options", "needed", "is_open"), NEEDS)
+def test_a_token_is_needed_unless_it_is_turned_off(host, options, needed, is_open):
+    with serving(host=host, **options) as live:
+        assert (live.server.access.token is not None) == needed
+        assert live.server.address.startswith(live.server.url)
+        assert ("#token=" in live.server.address) == needed
+        assert live.server.is_open_to_machines == is_open
+        assert live.get("/health")[0] == (403 if needed else 200)
+        with Client(live) as client:
+            client.next("step")
+
+
+def test_the_token_is_in_no_representation_and_no_error(monkeypatch):
+    with serving() as live:
+        assert live.server.access.token not in repr(live.server.access)
+        server = LiveServer(live.session, port=0)
+
+        async def broken(counter):
+            raise RuntimeError("no more")
+
+        monkeypatch.setattr(server._server, "on_tick", broken)
+        monkeypatch.setattr(threading, "excepthook", lambda args: None)
+        with pytest.raises(IncompleteError, match=re.escape(server.url)) as ended:
+            server.run()
+        assert "token" not in str(ended.value)
+        stopped = LiveServer(live.session, port=0)
+        monkeypatch.setattr(stopped._server, "run", lambda sockets: None)
+        with pytest.raises(ServerError, match=re.escape(stopped.url)) as failed:
+            stopped.start()
+        assert "token" not in str(failed.value)
 
 
 @pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no IPv6")
-@pytest.mark.parametrize(("host", "needed"), [("::1", False), ("::", True)])
-def test_ipv6_addresses(host, needed):
+@pytest.mark.parametrize(("host", "is_any"), [("::1", False), ("::", True)])
+def test_ipv6_addresses(host, is_any):
     with closing(listen(host, 0)) as listener:
-        access = access_to(listener, host, needs_token=False)
-        assert (access.token is not None) == needed
+        access = access_to(listener, host, needs_token=True)
         assert access.accepts_host(f"[::1]:{access.port}")
-        assert access.accepts_host(f"[2001:db8::7]:{access.port}") == needed
-        assert "[::]" not in page_address(listener, access)
+        assert access.accepts_host(f"[2001:db8::7]:{access.port}") == is_any
+        assert "[::]" not in page_url(listener, access)
 
 
 def test_tokens_are_unique():

@@ -54,7 +54,7 @@ class PickPage(NotCopyable):
     host, port
         As in `PageServer`; by default a free port of the loopback.
     needs_token : bool
-        By default a token is needed on the loopback too: whoever opens the page could write files.
+        As in `PageServer`: whoever opens the page could write files.
     is_selectable : callable
         Whether a target may have a box in a frame: not outside of the part that is tracked.
     no_keyframes : str, optional
@@ -204,7 +204,7 @@ class PickPage(NotCopyable):
             if alone_since is not None and time.monotonic() - alone_since > grace:
                 return
             if self._server.has_ended:
-                raise IncompleteError(f"{self.address}: the server has ended; see the log")
+                raise IncompleteError(f"{self._server.url}: the server has ended; see the log")
 
     def _on_clients(self, count: int) -> None:
         """Called on the server's thread."""

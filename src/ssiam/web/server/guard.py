@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 from collections.abc import Awaitable, Callable, MutableMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final, TypeAlias
 from urllib.parse import parse_qs
@@ -48,13 +48,13 @@ class Access:
         Whether every IP address is accepted as the server's, because it listens on all addresses
         of its machine. Unlike names, addresses are not open to DNS rebinding.
     token : str or None
-        Token that clients must send; None if they need none.
+        Token that clients must send; None if they need none. Not part of the representation.
     """
 
     port: int
     names: frozenset[str] = LOOPBACK
     any_address: bool = False
-    token: str | None = None
+    token: str | None = field(default=None, repr=False)
 
     def accepts_host(self, host: str) -> bool:
         """Whether a ``Host`` header names this server."""

@@ -58,7 +58,7 @@ class ServerError(SsiamError):
 class PageServer:
     """Serves a page and its WebSocket on its own thread. A context manager.
 
-    Clients need a token if the server listens on more than the loopback, or if `needs_token`.
+    Clients need a token on the loopback too: other users of the machine can connect to it.
 
     Parameters
     ----------
@@ -69,14 +69,17 @@ class PageServer:
     port : int
         0 selects a free one.
     needs_token : bool
+        If False, whoever reaches the port may connect.
     limits : ServerLimits, optional
 
     Attributes
     ----------
     access : Access
         Who may connect.
+    url : str
+        URL of the page without the token, for messages.
     address : str
-        What to open in a browser, including the token if one is needed.
+        What to open in a browser: `url`, and in its fragment the token if one is needed.
 
     Raises
     ------
@@ -90,14 +93,16 @@ class PageServer:
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         *,
-        needs_token: bool = False,
+        needs_token: bool = True,
         limits: ServerLimits | None = None,
     ) -> None:
         limits = limits or ServerLimits()
         self._service = service
         self._listener = listen(host, port)
         self.access = access_to(self._listener, host, needs_token=needs_token)
-        self.address = page_address(self._listener, self.access)
+        self.url = page_url(self._listener, self.access)
+        token = self.access.token
+        self.address = self.url if token is None else f"{self.url}#token={token}"
         app = create_app(service, self.access, limits)
         config = _configure(app, limits, takes_images=service.takes_images)
         self._server = _Server(config, app.state.clients)
@@ -109,13 +114,19 @@ class PageServer:
         """Whether the server has ended by itself or was closed."""
         return self._ended.is_set()
 
+    @property
+    def is_open_to_machines(self) -> bool:
+        """Whether other machines can connect without a token."""
+        ip = ipaddress.ip_address(self._listener.getsockname()[0])
+        return self.access.token is None and not ip.is_loopback
+
     def start(self) -> None:
         """Start serving; returns when clients can connect. May be called once."""
         self._thread.start()
         self._server.ready.wait()
         if not self._server.started:
             self.close()
-            raise ServerError(f"{self.address}: the server did not start; see the log")
+            raise ServerError(f"{self.url}: the server did not start; see the log")
 
     def close(self) -> None:
         """Disconnect all clients and stop. May be called twice."""
@@ -156,7 +167,7 @@ class LiveServer(PageServer):
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         *,
-        needs_token: bool = False,
+        needs_token: bool = True,
         limits: ServerLimits | None = None,
     ) -> None:
         service = LiveService(session)
@@ -178,7 +189,7 @@ class LiveServer(PageServer):
                     break
             else:
                 if not self._server.should_exit:
-                    raise IncompleteError(f"{self.address}: the server has ended; see the log")
+                    raise IncompleteError(f"{self.url}: the server has ended; see the log")
 
 
 class _Server(uvicorn.Server):
@@ -255,12 +266,10 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def access_to(listener: socket.socket, host: str, *, needs_token: bool) -> Access:
-    """Who may connect to a listener on `host`; other machines always need a token."""
+    """Who may connect to a listener on `host`, with a new token if one is needed."""
     address, port = listener.getsockname()[:2]
     ip = ipaddress.ip_address(address)
-    token = None
-    if needs_token or not ip.is_loopback:
-        token = secrets.token_urlsafe(_TOKEN_BYTES)
+    token = secrets.token_urlsafe(_TOKEN_BYTES) if needs_token else None
     names = LOOPBACK | {host.lower(), address}
     if ip.is_unspecified:
         machine = socket.gethostname().lower()
@@ -268,14 +277,13 @@ def access_to(listener: socket.socket, host: str, *, needs_token: bool) -> Acces
     return Access(port, names, ip.is_unspecified, token)
 
 
-def page_address(listener: socket.socket, access: Access) -> str:
-    """The URL of the page, including the token if one is needed."""
+def page_url(listener: socket.socket, access: Access) -> str:
+    """The URL of the page, without a token."""
     address = listener.getsockname()[0]
     if access.any_address:
         address = _own_address()
     name = f"[{address}]" if ":" in address else address
-    token = "" if access.token is None else f"#token={access.token}"
-    return f"http://{name}:{access.port}/{token}"
+    return f"http://{name}:{access.port}/"
 
 
 def _own_address() -> str:
