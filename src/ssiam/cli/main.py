@@ -12,6 +12,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError, Group
 
 from ssiam import __version__
+from ssiam.addresses import redact_words
 from ssiam.cli.box_words import join_box_words
 from ssiam.errors import IncompleteError, SsiamError, StreamError
 
@@ -66,11 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         app(words)
     except CycloptsError as error:
-        return _fail(f"{error} See ssiam --help.", USAGE_ERROR)
+        return _fail(f"{error} See ssiam --help.", USAGE_ERROR, words)
     except (StreamError, IncompleteError) as error:
-        return _fail(str(error), INCOMPLETE)
+        return _fail(str(error), INCOMPLETE, words)
     except SsiamError as error:
-        return _fail(str(error), USAGE_ERROR)
+        return _fail(str(error), USAGE_ERROR, words)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it
@@ -84,6 +85,6 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
 
 
-def _fail(message: str, code: int) -> int:
-    print(f"ssiam: {' '.join(message.split())}", file=sys.stderr)
+def _fail(message: str, code: int, words: list[str]) -> int:
+    print(f"ssiam: {' '.join(redact_words(message, words).split())}", file=sys.stderr)
     return code

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from ssiam.addresses import display_name
 from ssiam.cli.boxes import box_files, parse_boxes
 from ssiam.cli.moments import Span, moment_option
 from ssiam.cli.options import (
@@ -148,7 +149,7 @@ def track(
             if text is not None
             for value in (name, text)
         ]
-        pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
+        pick_boxes(options, span, _stem(source), ["ssiam", "track", display_name(source), *words])
         return
     targets = parse_boxes(box or [])
     span.check(targets)
@@ -190,5 +191,5 @@ def _raw_format(text: str | None) -> RawFormat | None:
 
 def _stem(source: str) -> str:
     """Base name of outputs: name of the file or folder, index of the camera, or "stream"."""
-    stem = Path(source.split("?")[0]).stem if "://" not in source else ""
+    stem = Path(source.split("?")[0]).stem if display_name(source) == source else ""
     return stem if stem not in ("", "-") else "stream"

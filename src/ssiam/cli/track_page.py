@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from ssiam.addresses import display_name, is_address
 from ssiam.cli.moments import PlannedTarget
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_run import TrackJob
 from ssiam.errors import ArgumentError, MissingExtraError, SsiamError
 from ssiam.video import Frame
-from ssiam.video.sources import STDIN, camera_index, is_address
+from ssiam.video.sources import STDIN, camera_index
 
 if TYPE_CHECKING:
     from ssiam.web.picking.page import PickPage
@@ -62,7 +63,9 @@ def choose_and_track(job_for: Callable[[int], TrackJob], run: Run, progress: Run
     ) as page:
         is_opened = open_in_browser(page.address)
         if not is_opened and not sys.stderr.isatty():
-            raise ArgumentError(f"{source}: no target is given, and no browser: {_OTHER_WAYS}")
+            raise ArgumentError(
+                f"{display_name(source)}: no target is given, and no browser: {_OTHER_WAYS}"
+            )
         print(f"ssiam: choose the targets at {page.address} (Ctrl-C ends)", file=sys.stderr)
         if "SSH_CONNECTION" in os.environ and not is_opened:
             port = page.port

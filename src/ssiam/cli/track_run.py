@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
@@ -27,7 +27,7 @@ from ssiam.video.results import STDOUT
 class SourceOptions:
     """A source and how it is opened; the fields are the arguments of `open_source`."""
 
-    spec: str
+    spec: str = field(repr=False)
     raw: RawFormat | None = None
     stream: int | None = None
     levels: tuple[float, float] | None = None

@@ -126,7 +126,7 @@ class Input:
     """
 
     name: str
-    file: Any
+    file: Any = field(repr=False)
     format: str | None = None
     options: dict[str, str] = field(default_factory=dict)
     timeout: tuple[float, float] | None = None

@@ -8,10 +8,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from ssiam.addresses import is_address
 from ssiam.errors import ArgumentError
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.video.images import IMAGE_SUFFIXES, image_paths
-from ssiam.video.sources import STDIN, camera_index, is_address
+from ssiam.video.sources import STDIN, camera_index
 
 _M3U, _FFCONCAT = b"#EXTM3U", b"ffconcat"  # first bytes of playlists
 _LONGEST_LIST = 1 << 20  # bytes read of a playlist
