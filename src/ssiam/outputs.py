@@ -264,10 +264,17 @@ class ClosedOnExit(ABC):
             self.close()
 
 
-def leftover_parts(path: Path) -> list[Path]:
-    """Part files of the output `path` from runs that were killed or are still running."""
+def leftover_parts(path: Path, *, hidden: bool = False) -> list[Path]:
+    """Part files of the output `path` from runs that were killed or are still running.
+
+    `hidden` is as for `PartFile`.
+    """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
-    name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
+    name = re.compile(
+        rf"\.{re.escape(target.name)}\.part(-[0-9]+)?"
+        if hidden
+        else rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}"
+    )
     try:
         return sorted(each for each in target.parent.iterdir() if name.fullmatch(each.name))
     except OSError:

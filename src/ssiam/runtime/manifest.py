@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from ssiam.errors import WeightsError
+from ssiam.outputs import make_folder, output_error
 from ssiam.runtime.network import Precision
 
-__all__ = ["MANIFEST_FILE", "OPSET", "Manifest", "find_export", "move_export", "package_version"]
+__all__ = [
+    "MANIFEST_FILE",
+    "OPSET",
+    "Manifest",
+    "atomic_export",
+    "find_export",
+    "leftover_exports",
+    "package_version",
+]
 
 MANIFEST_FILE: Final = "network.json"
+_TEMPORARY: Final = ".export-"  # prefix of the folders of unfinished exports
 OPSET: Final = 17  # of ONNX; every supported runtime accepts it
 
 
@@ -85,14 +97,51 @@ class Manifest:
         (folder / MANIFEST_FILE).write_text(json.dumps(asdict(self), indent=2) + "\n")
 
 
-def move_export(source: Path, folder: Path, files: Iterable[str]) -> None:
-    """Move files from `source` to `folder`, on the same file system; the manifest last.
+@contextmanager
+def atomic_export(folder: Path, *, beside: Sequence[str] = ()) -> Iterator[Path]:
+    """Replace an exported network after all its new files are complete.
 
-    A folder without a manifest is incomplete. Raises `OSError` if a file cannot be moved.
+    The files are moved on exit, the manifest last: a folder without a manifest is incomplete. A
+    process that is killed leaves a folder that `leftover_exports` finds.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if it does not exist.
+    beside : sequence of str
+        Further files to move, besides the pieces and the manifest.
+
+    Yields
+    ------
+    Path
+        An empty folder, to which the files are to be written, `Manifest.write` last.
+
+    Raises
+    ------
+    SinkError
+        The folder cannot be written; after any error before the files are moved, the older ones
+        are unchanged.
     """
-    (folder / MANIFEST_FILE).unlink(missing_ok=True)
-    for file in (*files, MANIFEST_FILE):
-        os.replace(source / file, folder / file)
+    make_folder(folder)
+    try:
+        with TemporaryDirectory(dir=folder, prefix=_TEMPORARY) as name:
+            temporary = Path(name)
+            yield temporary
+            pieces = Manifest.read(temporary).pieces
+            files = [*beside, *(f"{piece}.onnx" for piece in pieces), MANIFEST_FILE]
+            for file in files:
+                with (temporary / file).open("r+b") as written:
+                    os.fsync(written.fileno())
+            (folder / MANIFEST_FILE).unlink(missing_ok=True)
+            for file in files:
+                os.replace(temporary / file, folder / file)
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
+def leftover_exports(folder: Path) -> list[Path]:
+    """Folders that `atomic_export` has left in `folder` because it was killed, or is using."""
+    return sorted(each for each in folder.glob(f"{_TEMPORARY}*") if each.is_dir())
 
 
 def find_export(weights: Path) -> Path | None:

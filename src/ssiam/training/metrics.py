@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from contextlib import nullcontext, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
+from ssiam.errors import SinkError
 from ssiam.outputs import atomic_write, output_error
 
 __all__ = ["METRICS", "Metrics"]
@@ -34,24 +36,27 @@ class Metrics:
     """
 
     def __init__(self, folder: Path, step: int = 0) -> None:
-        path = folder / METRICS
+        self._path = path = folder / METRICS
         try:
             earlier = _rows_before(path, step)
             with atomic_write(path, "w", hidden=True) as file:
                 csv.writer(file).writerows((_COLUMNS, *earlier))
             self._file = path.open("a", newline="", encoding="utf-8")
+            self._board = _open_board(folder, step)
         except OSError as error:
             raise output_error(path, error) from error
         self._rows = csv.writer(self._file)
-        self._board = _open_board(folder, step)
 
     def write(self, step: int, values: Mapping[str, float]) -> None:
-        """Write the values of a step and flush the file."""
-        for name, value in values.items():
-            self._rows.writerow((step, name, f"{value:.6g}"))
-            if self._board is not None:
-                self._board.add_scalar(name, value, step)
-        self._file.flush()
+        """Write the values of a step and flush the file; `SinkError` if that fails."""
+        try:
+            for name, value in values.items():
+                self._rows.writerow((step, name, f"{value:.6g}"))
+                if self._board is not None:
+                    self._board.add_scalar(name, value, step)
+            self._file.flush()
+        except OSError as error:
+            raise output_error(self._path, error) from error
 
     def __enter__(self) -> Metrics:
         return self
@@ -62,9 +67,17 @@ class Metrics:
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._file.close()
-        if self._board is not None:
-            self._board.close()
+        # After an error of `write`, closing fails again with what is still in the buffers.
+        with suppress(SinkError) if exc_type is not None else nullcontext():
+            self._close()
+
+    def _close(self) -> None:
+        try:
+            self._file.close()
+            if self._board is not None:
+                self._board.close()
+        except OSError as error:
+            raise output_error(self._path, error) from error
 
 
 def _rows_before(path: Path, step: int) -> list[list[str]]:
