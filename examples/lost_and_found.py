@@ -1,4 +1,4 @@
-"""Report when a target is lost and when it is found again, and save an image of each return.
+"""Report when a target is lost and when it is re-detected, and save an image of each return.
 
     python lost_and_found.py clip.mp4 120,80,40,60 returns
 

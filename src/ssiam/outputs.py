@@ -321,10 +321,16 @@ def atomic_write(
         raise
 
 
+def numbered_names(name: str) -> Iterator[str]:
+    """`name`, then the name with -2, -3, ... appended, without end."""
+    yield name
+    for number in count(2):
+        yield f"{name}-{number}"
+
+
 def _new_part(target: Path, *, hidden: bool) -> Path:
     """Create an empty part file next to `target`, under the first unused name."""
-    for number in count(1):
-        word = "part" if number == 1 else f"part-{number}"
+    for word in numbered_names("part"):
         name = f".{target.name}.{word}" if hidden else f"{target.stem}.{word}{target.suffix}"
         file = target.with_name(name)
         try:

@@ -13,13 +13,15 @@ import pytest
 from helpers.odd_clips import (
     displayed_aspect,
     write_anamorphic,
+    write_at_times,
     write_clip_with_sound,
     write_two_streams,
     write_undecodable,
+    write_without_times,
 )
 from helpers.tracked_clip import rows_of
 from ssiam.cli import main
-from ssiam.video import VideoSink, open_source
+from ssiam.video import open_source
 
 BOX = ["--box", "60,40,30,30", "--tracker", "kcf"]
 
@@ -109,17 +111,9 @@ SECONDS = [*(0.04 * i for i in range(10)), *(0.36 + 0.16 * i for i in range(1, 1
 SECONDS += [1.96 + 0.04 * i for i in range(1, 21)]
 
 
-def _write_variable_rate(path):
-    noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
-    image = cv2.GaussianBlur(noise, (9, 9), 2)
-    with VideoSink(path, 25) as sink:
-        for number, second in enumerate(SECONDS):
-            sink.write(np.roll(image, number, axis=1), second)
-
-
 @pytest.mark.parametrize("name", ["v.mp4", "v.mkv"])
 def test_label_studio_export_of_variable_rate(tmp_path, capsys, name):
-    _write_variable_rate(tmp_path / name)
+    write_at_times(tmp_path / name, SECONDS)
     assert main(["track", name, *BOX, "--results", "v.csv"]) == 0
     capsys.readouterr()
     arguments = ["export", "v.csv", "--to", "labelstudio", "--video", name, "--out", "v.json"]
@@ -137,7 +131,7 @@ def test_label_studio_export_of_variable_rate(tmp_path, capsys, name):
 
 
 def test_variable_rate_to_avi(tmp_path):
-    _write_variable_rate(tmp_path / "v.mp4")
+    write_at_times(tmp_path / "v.mp4", SECONDS)
     arguments = ["track", "v.mp4", *BOX, "--out", "o.avi", "--results", "o.csv"]
     assert main(arguments) == 0
     with av.open("o.avi") as container:
@@ -145,13 +139,7 @@ def test_variable_rate_to_avi(tmp_path):
 
 
 def test_assumed_frame_rate_is_reported(tmp_path, capsys):
-    with av.open("clip.mjpeg", "w", format="mjpeg") as container:
-        stream = container.add_stream("mjpeg", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuvj420p"
-        noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
-        for _ in range(4):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(noise, format="bgr24")))
-        container.mux(stream.encode())
+    write_without_times("clip.mjpeg")
     assert main(["track", "clip.mjpeg", *BOX, "--results", "r.csv"]) == 0
     assert "has no timestamps: assuming 25 frames per second" in capsys.readouterr().out
     assert {row["time"] for row in rows_of(tmp_path / "r.csv")} == {""}

@@ -4,11 +4,10 @@ import json
 import shutil
 
 import av
-import cv2
 import numpy as np
 import pytest
 
-from helpers.odd_clips import write_clip_with_sound
+from helpers.odd_clips import write_at_times, write_clip_with_sound, write_without_times
 from helpers.tracked_clip import BOX, COUNT, SIZE, box_of, decoded, rows_of, run
 from ssiam.cli import main
 from ssiam.cli.moments import Moment, PlannedTarget, Span
@@ -18,7 +17,7 @@ from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.exchange.result_files import read_annotations
 from ssiam.stabilize import StabilizerConfig
 from ssiam.target_start import TargetStart
-from ssiam.video import VideoSink, open_source
+from ssiam.video import open_source
 
 KCF = ("--tracker", "kcf")
 # Seconds of the frames of a clip of variable rate: 25, then 5, then 25 frames a second.
@@ -36,11 +35,7 @@ def folder(clip, tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def variable(tmp_path_factory):
     path = tmp_path_factory.mktemp("variable") / "v.mp4"
-    noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
-    image = cv2.GaussianBlur(noise, (9, 9), 2)
-    with VideoSink(path, 25) as sink:
-        for number, second in enumerate(TIMES):
-            sink.write(np.roll(image, number, axis=1), second)
+    write_at_times(path, TIMES)
     return path
 
 
@@ -243,13 +238,7 @@ def test_a_target_that_never_begins_is_reported(folder, tmp_path, capsys, late):
 
 def test_a_source_without_times_has_no_seconds(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    with av.open("clip.mjpeg", "w", format="mjpeg") as container:
-        stream = container.add_stream("mjpeg", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuvj420p"
-        noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
-        for _ in range(4):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(noise, format="bgr24")))
-        container.mux(stream.encode())
+    write_without_times("clip.mjpeg")
     assert track("clip.mjpeg", "--box", "60,40,30,30", "--start", "0.1s") == 2
     assert "no timestamps" in capsys.readouterr().err
     assert track("clip.mjpeg", "--box", "60,40,30,30", "--start", "2", "--results", "r.csv") == 0

@@ -3,24 +3,33 @@
 import cv2
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 from helpers.benched import bench, write_run, write_vot_year
+from helpers.paper_examples import example
 from helpers.shaky_dataset import write_dataset
 from helpers.synthetic import camera_frame, generator, poses, world
 from ssiam.datasets import VideoSequence, open_dataset
 from ssiam.errors import MissingExtraError
 from ssiam.evaluation.measures.eao import INTERVALS
+from ssiam.evaluation.paper import camera_figures
 from ssiam.evaluation.paper.camera_figures import (
+    CameraRecord,
     draw_correction,
     draw_path,
     draw_transformed,
     most_moved,
     record_camera,
 )
+from ssiam.evaluation.paper.canvas import BLUE as INK
+from ssiam.evaluation.paper.canvas import GRAY, ORANGE
+from ssiam.evaluation.paper.canvas import GREEN as TEAL
 from ssiam.evaluation.paper.figures import figures
 from ssiam.evaluation.paper.qualitative import Example, draw_boxes, largest_difference
 from ssiam.evaluation.paper.summary import summarize
 from ssiam.evaluation.runs.entries import Entry
+from ssiam.geometry import rigid
+from ssiam.motion import Motion
 from ssiam.stabilize import StabilizerConfig
 
 PAPER = StabilizerConfig("paper")
@@ -126,17 +135,6 @@ def test_figure_5_shows_the_frame_that_moved_farthest_with_black_borders(shaking
     left, right = np.hsplit(black[:, : black.shape[1] // 2 * 2], 2)
     assert left.mean() < 0.06
     assert right.mean() > left.mean() + 0.1  # 24 % of the transformed frame are its border
-
-
-def example(off, stabilized):
-    truth = np.tile([10.0, 10, 20, 20], (len(off), 1))
-    boxes = []
-    for overlaps in (off, stabilized):
-        each = truth.copy()
-        each[:, 2] *= overlaps  # a narrower box with exactly this overlap
-        each[np.asarray(overlaps) == 0] = np.nan
-        boxes.append(each)
-    return Example("kcf", None, False, truth, *boxes)
 
 
 def test_frames_with_the_largest_differences_are_sorted_and_apart():
@@ -288,3 +286,102 @@ def test_boxes_are_drawn_in_a_window_around_the_target(filmed_example, rendered)
     assert [corner[2] for corner in corners] == [[230, 170], [260, 200], [235, 170]]
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["truth", "off", "stabilized"]
+
+
+def known_camera(count=8):
+    """A record with given numbers; the motion to frames 2 and 5 is unknown."""
+    steps = np.arange(count, dtype=float)
+    path = np.stack([steps, -2 * steps, 0.01 * steps], axis=1)
+    smooth = path / 2
+    reliable = np.ones(count, bool)
+    reliable[[2, 5]] = False
+    transforms = np.tile(np.eye(3), (count, 1, 1))
+    transforms[:, :2, 2] = (smooth - path)[:, :2]
+    return CameraRecord(path, smooth, smooth - path, transforms, reliable)
+
+
+def test_lines_and_unreliable_frames_of_figure_3(rendered):
+    record = known_camera()
+    draw_path(record)
+    (figure,) = rendered
+    assert figure.get_size_inches().tolist() == [9, 5]
+    for column, panel in enumerate(figure.axes):
+        accumulated, smoothed = panel.get_lines()
+        np.testing.assert_array_equal(accumulated.get_ydata(), record.path[:, column])
+        np.testing.assert_array_equal(smoothed.get_ydata(), record.smooth[:, column])
+        assert [to_hex(line.get_color()) for line in (accumulated, smoothed)] == [ORANGE, INK]
+        assert accumulated.get_linewidth() < smoothed.get_linewidth()
+        bands = [(each.get_x(), each.get_width()) for each in panel.patches]
+        assert bands == [(1.5, 1), (4.5, 1)]
+        assert {to_hex(each.get_facecolor()) for each in panel.patches} == {GRAY}
+        assert {each.get_linewidth() for each in panel.patches} == {0}
+        assert {each.get_zorder() for each in panel.patches} == {0}
+        assert not panel.spines["top"].get_visible()
+        assert not panel.spines["right"].get_visible()
+        assert panel.spines["left"].get_visible()
+    assert figure.axes[1].get_legend() is None
+    assert figure.axes[0].get_shared_x_axes().joined(*figure.axes)
+
+
+def test_lines_of_figure_4_have_their_colors_and_symmetric_scales(rendered):
+    record = known_camera()
+    draw_correction(record)
+    (figure,) = rendered
+    shifts, angles = figure.axes
+    assert figure.get_size_inches() == pytest.approx([9, 3.6])
+    colors = [to_hex(line.get_color()) for line in (*shifts.get_lines(), *angles.get_lines())]
+    assert colors == [INK, ORANGE, TEAL]
+    assert shifts.get_ylim() == pytest.approx((-1.08 * 7, 1.08 * 7))
+    reach = 1.08 * np.degrees(0.035)
+    assert angles.get_ylim() == pytest.approx((-reach, reach))
+    assert not angles.spines["top"].get_visible()
+    assert not shifts.get_legend().get_frame_on()
+
+
+def test_without_motion_the_scales_of_figure_4_are_not_empty(rendered):
+    still = np.zeros((4, 3))
+    transforms = np.tile(np.eye(3), (4, 1, 1))
+    record = CameraRecord(still, still, still, transforms, np.ones(4, bool))
+    draw_correction(record)
+    for axes in rendered[0].axes:
+        assert axes.get_ylim() == pytest.approx((-0.00108, 0.00108))
+    assert most_moved(record, (320, 240)) == 0
+
+
+def test_the_frame_that_moved_farthest_is_that_of_the_farthest_corner():
+    record = known_camera()
+    assert most_moved(record, (320, 240)) == 7
+    record.stab_from_raw[3] = rigid(0, 0, 0.1, (160, 120))  # a corner moves by about 20 px
+    assert most_moved(record, (320, 240)) == 3
+    record.stab_from_raw[6, :2, 2] = 0, -30
+    assert most_moved(record, (320, 240)) == 6
+
+
+def test_unknown_motion_keeps_both_paths(monkeypatch):
+    """Also in the first frame, to which there is no motion."""
+    motions = [
+        Motion.none((320, 240)),
+        Motion(rigid(4, -2, 0, (159.5, 119.5)), 1.0, True, (320, 240)),
+        Motion(rigid(90, 50, 0, (159.5, 119.5)), 0.1, False, (320, 240)),
+        Motion(rigid(2, 0, 0, (159.5, 119.5)), 1.0, True, (320, 240)),
+    ]
+    monkeypatch.setattr(camera_figures, "camera_motions", lambda *arguments: iter(motions))
+    record = record_camera(None, PAPER)
+    assert record.reliable.tolist() == [True, True, False, True]
+    np.testing.assert_allclose(record.path[:, 0], [0, 4, 4, 6], atol=1e-9)
+    np.testing.assert_allclose(record.path[:, 1], [0, -2, -2, -2], atol=1e-9)
+    np.testing.assert_allclose(record.smooth[:, 0], [0, 2, 2, 10 / 3], atol=1e-9)
+    np.testing.assert_allclose(record.new_trans, record.smooth - record.path, atol=1e-9)
+    assert record.stab_from_raw.shape == (4, 3, 3)
+
+
+def test_captions_name_the_window_the_border_and_the_kind_of_run(found):
+    captions = {name: each.caption for name, each in named_figures(found).items()}
+    assert f"its mean over the last {PAPER.paper.window} frames." in captions["fig3"]
+    assert f"{PAPER.border} pixels are added on each side" in captions["fig5"]
+    for name in ("fig1", "fig6", "boxes"):
+        assert captions[name].endswith("five frames after each loss; no box in between.")
+    assert "no interval is defined for this dataset" in captions["eao"]
+    titles = {name: each.title for name, each in named_figures(found).items()}
+    assert titles["ranking"].startswith("Ranking: success on ")
+    assert titles["boxes"].endswith(", alone and stabilized")

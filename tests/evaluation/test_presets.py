@@ -7,10 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ssiam.errors import ArgumentError
-from ssiam.evaluation.paper.presets import PRESETS, preset
+from ssiam.evaluation.paper.presets import PRESETS, THRESHOLDS, preset
+from ssiam.evaluation.paper.published import TABLE3
 from ssiam.evaluation.paper.summary import parse_label
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.motion import KEYPOINTS
+from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import METHODS, StabilizerConfig
 
 PAPER = StabilizerConfig("paper")
@@ -142,3 +144,62 @@ def test_labels_round_trip(config, tracker):
 )
 def test_other_names_are_not_labels(label):
     assert parse_label(label) is None
+
+
+def labels(name):
+    return [each.label.removeprefix("kcf-") for each in preset(name, ["kcf"], {}).entries]
+
+
+def test_configurations_of_each_table_in_order():
+    assert labels("table1") == labels("table4") == ["off", "paper"]
+    assert labels("table2") == [
+        "off",
+        "paper",
+        *(f"paper-keypoints={name}" for name in ("gftt", "harris", "brisk", "mser", "direct")),
+    ]
+    assert labels("table3") == [
+        "paper",
+        "paper-thx1=80.0-thy1=40.0",
+        "paper-thx1=100.0-thy1=50.0",
+        "paper-thx2=40.0-thy2=20.0",
+        "paper-thx2=80.0-thy2=40.0",
+        *(f"paper-tha={angle}" for angle in (0.1, 0.5, 1.0)),
+        *(f"paper-tha={angle}-tha_unit=deg" for angle in (0.1,)),
+        "paper-tha_unit=deg",
+        *(f"paper-tha={angle}-tha_unit=deg" for angle in (0.5, 1.0)),
+    ]
+
+
+def test_rows_of_table_3_have_the_value_that_they_name():
+    attributes = {"THx1": "thx1", "THx2": "thx2", "THa,": "tha"}
+    for name, row in THRESHOLDS.items():
+        for value, config in row.items():
+            assert getattr(config.paper, attributes[name[:4]]) == value
+    assert {name.partition(",")[0] for name in THRESHOLDS} == set(TABLE3)
+    units = {
+        name: {each.paper.tha_unit for each in row.values()} for name, row in THRESHOLDS.items()
+    }
+    assert (units["THa, rad"], units["THa, degrees"]) == ({"rad"}, {"deg"})
+
+
+def test_runtime_options_apply_to_networks():
+    options = RuntimeOptions("onnxruntime", 3)
+    entries = preset("table1", ["kcf", "siamfc"], {"siamfc": Path("w")}, None, options).entries
+    assert [each.label for each in entries] == [
+        "kcf-off-threads=3",
+        "kcf-paper-threads=3",
+        "siamfc-off-runtime=onnxruntime-threads=3",
+        "siamfc-paper-runtime=onnxruntime-threads=3",
+    ]
+    assert [each.weights for each in entries] == [None, None, Path("w"), Path("w")]
+
+
+@pytest.mark.parametrize(
+    ("name", "years"),
+    [("table1", (2016, 2018, 2019)), *((f"table{n}", (2018,)) for n in (2, 3, 4))],
+)
+def test_the_datasets_of_each_table(name, years):
+    missing = preset(name, ["kcf"], {}, []).missing[3:]
+    assert missing == [
+        f"VOT{year}: not among the datasets; download it from votchallenge.net" for year in years
+    ]

@@ -1,12 +1,17 @@
 """Protocols: restarts, one pass and real time, with scripted trackers."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from ssiam.datasets import VideoSequence
 from ssiam.errors import SourceError
 from ssiam.evaluation.measures.trajectory import Status
+from ssiam.evaluation.runs import protocols
 from ssiam.evaluation.runs.protocols import RealtimeTracker, run
+from ssiam.geometry import area_preserving_xywh
 from ssiam.track import Track
 
 SIZE = (60, 80, 3)
@@ -151,3 +156,134 @@ def test_a_fast_tracker_has_the_same_realtime_and_supervised_runs():
     )
     np.testing.assert_array_equal(supervised.status, realtime.status)
     np.testing.assert_array_equal(supervised.regions, realtime.regions)
+
+
+def test_the_slow_frames_that_a_start_may_have_are_counted_anew_at_each_start():
+    tracker = Slow([0.02, 0.12, 0.12, 0.02, 0.12, 0.02])
+    realtime = RealtimeTracker(tracker, fps=20.0, grace=1, clock=tracker.clock)
+    realtime.init(None, (0.0, 0.0, 1.0, 1.0))
+    assert [realtime.update(None).box[0] for _ in range(3)] == [1, 2, 2]
+    realtime.init(None, (0.0, 0.0, 1.0, 1.0))
+    assert [realtime.update(None).box[0] for _ in range(2)] == [3, 4]
+
+
+def test_a_start_that_takes_long_repeats_the_given_box():
+    tracker = Slow([0.16, 0.01])
+    realtime = RealtimeTracker(tracker, fps=20.0, grace=0, clock=tracker.clock)
+    realtime.init(None, (3.0, 4.0, 5.0, 6.0))
+    found = [realtime.update(None).box for _ in range(3)]
+    assert found == [(3, 4, 5, 6), (3, 4, 5, 6), (1, 0, 1, 1)]
+
+
+def test_a_start_on_a_polygon_repeats_the_box_of_the_same_area():
+    tracker = Slow([0.16])
+    realtime = RealtimeTracker(tracker, fps=20.0, grace=0, clock=tracker.clock)
+    diamond = (20.0, 10.0, 30.0, 20.0, 20.0, 30.0, 10.0, 20.0)
+    realtime.init(None, diamond)
+    assert realtime.update(None).box == pytest.approx(area_preserving_xywh(diamond))
+
+
+class OnItsClock(Scripted):
+    """Takes `start` seconds to start and `each` seconds for a frame."""
+
+    def __init__(self, start, each, **how):
+        super().__init__(**how)
+        self._start, self._each, self.now, self.updated = start, each, 100.0, []
+
+    def clock(self):
+        return self.now
+
+    def init(self, frame, box):
+        self.now += self._start
+        super().init(frame, box)
+
+    def update(self, frame):
+        self.now += self._each
+        self.updated.append(int(frame[0, 0, 0]))
+        return super().update(frame)
+
+
+def test_the_time_of_each_call_is_measured(monkeypatch):
+    tracker = OnItsClock(2.0, 0.5, away=[3])
+    monkeypatch.setattr(protocols, "time", SimpleNamespace(perf_counter=tracker.clock))
+    found = run(tracker, sequence(10, unknown=[0]))
+    assert found.seconds.tolist() == [0, 2, 0.5, 0.5, 0, 0, 0, 0, 2, 0.5]
+
+
+def test_real_time_is_20_frames_per_second_after_three_slow_ones(monkeypatch):
+    tracker = OnItsClock(0.12, 0.12)
+    real_time = partial(RealtimeTracker, clock=tracker.clock)
+    monkeypatch.setattr(protocols, "RealtimeTracker", real_time)
+    found = run(tracker, sequence(12), "realtime")
+    # The start and two frames may be slow. Each other one is 70 ms late, and a missed frame makes
+    # up for 50 ms.
+    assert tracker.updated == [1, 2, 3, 5, 7, 10]
+    assert found.status.tolist() == [B] + [T] * 11
+
+
+class Listed(Scripted):
+    """Returns the given results, one for each frame after the first."""
+
+    def __init__(self, *tracks):
+        super().__init__()
+        self._tracks = list(tracks)
+
+    def update(self, frame):
+        return self._tracks.pop(0)
+
+
+NOWHERE = Track((np.nan,) * 4)
+
+
+def test_a_result_without_a_box_is_a_loss():
+    found = run(Listed(Track(TARGET), NOWHERE), sequence(3))
+    assert found.status.tolist() == [B, T, F]
+
+
+@pytest.mark.parametrize("protocol", ["vot", "ope"])
+def test_a_result_without_a_box_is_skipped_if_it_is_no_loss(protocol):
+    found = run(Listed(NOWHERE, Track(TARGET)), sequence(3, unknown=[1]), protocol)
+    assert found.status.tolist() == [B, S, T]
+    found = run(Listed(NOWHERE, Track(TARGET)), sequence(3), "ope")
+    assert found.status.tolist() == [B, S, T]
+
+
+def test_boxes_and_corners_in_one_run():
+    corners = np.array([[20, 10], [32, 10], [32, 18], [20, 18.0]])
+    found = run(Listed(Track(TARGET), Track(TARGET, corners=corners)), sequence(3))
+    assert found.regions.shape == (3, 8)
+    np.testing.assert_array_equal(found.regions[1], [*TARGET, *[np.nan] * 4])
+    np.testing.assert_array_equal(found.regions[2], corners.ravel())
+    assert run(Scripted(), sequence(3)).regions.shape == (3, 4)
+
+
+def test_overlap_outside_of_the_frame_does_not_count():
+    """Frames are 80 pixels wide and 60 high."""
+
+    def statuses(truth, found):
+        frames = tuple(range(2))
+        return run(
+            Listed(Track(found)), Numbered("numbers", frames, np.tile(truth, (2, 1)))
+        ).status.tolist()
+
+    assert statuses((70.0, 10.0, 20.0, 8.0), (82.0, 10.0, 8.0, 8.0)) == [B, F]
+    assert statuses((70.0, 10.0, 20.0, 8.0), (72.0, 10.0, 8.0, 8.0)) == [B, T]
+    assert statuses((10.0, 50.0, 8.0, 20.0), (10.0, 62.0, 8.0, 8.0)) == [B, F]
+    assert statuses((10.0, 50.0, 8.0, 20.0), (10.0, 52.0, 8.0, 8.0)) == [B, T]
+
+
+def test_frames_after_the_end_of_the_ground_truth_are_tracked():
+    truth = np.tile(TARGET, (2, 1))
+    found = run(Scripted(away=[3, 4]), Numbered("numbers", tuple(range(6)), truth))
+    assert found.status.tolist() == [B, T, T, T, T, T]
+    found = run(Scripted(away=[1]), Numbered("numbers", tuple(range(9)), truth))
+    assert found.status.tolist() == [B, F] + [S] * 7
+
+
+def test_each_protocol_has_a_folder_of_vot():
+    assert protocols.EXPERIMENTS == {
+        "vot": "baseline",
+        "ope": "unsupervised",
+        "realtime": "realtime",
+    }
+    assert protocols.PROTOCOLS == ("vot", "ope", "realtime")

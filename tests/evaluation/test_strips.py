@@ -6,9 +6,9 @@ import pytest
 from matplotlib.colors import to_hex
 
 from helpers.benched import write_run, write_vot_year
-from ssiam.datasets import VideoSequence, open_dataset
+from helpers.paper_examples import example
+from ssiam.datasets import open_dataset
 from ssiam.evaluation.paper.canvas import NothingToDrawError
-from ssiam.evaluation.paper.qualitative import Example
 from ssiam.evaluation.paper.strips import (
     PAPER_SEQUENCES,
     draw_strips,
@@ -21,17 +21,6 @@ from ssiam.evaluation.paper.summary import summarize
 
 LOST = "i" + "." * 19 + "x----i" + "." * 14
 WHOLE = "i" + "." * 39
-
-
-def example(off, stabilized, name="s", images=()):
-    truth = np.tile([10.0, 10, 20, 20], (len(off), 1))
-    boxes = []
-    for overlaps in (off, stabilized):
-        each = truth.copy()
-        each[:, 2] *= overlaps  # a narrower box with exactly this overlap
-        each[np.asarray(overlaps) == 0] = np.nan
-        boxes.append(each)
-    return Example("kcf", VideoSequence(name, images, truth), False, truth, *boxes)
 
 
 def found(tmp_path, runs, names=("one", "two")):

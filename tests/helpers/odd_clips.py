@@ -1,4 +1,4 @@
-"""Clips with sound, non-square pixels, a display matrix, two streams, or damaged frames."""
+"""Clips with sound, odd pixels, a display matrix, two streams, no times, or damaged frames."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import struct
 from fractions import Fraction
 
 import av
+import cv2
 import numpy as np
 
 from helpers.video_clips import numbered_image, write_clip
+from ssiam.video import VideoSink
 
 SAMPLES = 48000  # of sound, per second
 
@@ -94,3 +96,23 @@ def set_display_matrix(path, matrix):
     a, b, c, d = (value << 16 for value in matrix)
     struct.pack_into(">9i", data, data.index(b"tkhd") + 44, a, b, 0, c, d, 0, 0, 0, 1 << 30)
     path.write_bytes(data)
+
+
+def write_without_times(path):
+    """Four equal frames as a sequence of JPEG images, which has no timestamps."""
+    with av.open(path, "w", format="mjpeg") as container:
+        stream = container.add_stream("mjpeg", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuvj420p"
+        noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
+        for _ in range(4):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(noise, format="bgr24")))
+        container.mux(stream.encode())
+
+
+def write_at_times(path, seconds):
+    """A soft texture that moves one pixel a frame, shown at these times."""
+    noise = np.random.default_rng(1).integers(0, 255, (96, 160, 3)).astype(np.uint8)
+    image = cv2.GaussianBlur(noise, (9, 9), 2)
+    with VideoSink(path, 25) as sink:
+        for number, second in enumerate(seconds):
+            sink.write(np.roll(image, number, axis=1), second)

@@ -127,3 +127,65 @@ def test_the_frame_is_not_changed():
     view.render()
     view.crop((10.0, 10.0), 100, 127, np.zeros(3))
     np.testing.assert_array_equal(frame, before)
+
+
+def test_a_view_describes_itself():
+    view = FrameView(world(), border=3)
+    assert view.size_wh == (640, 360)
+    assert repr(view) == "FrameView(640x360, border=3, is_raw=True)"
+    moved = FrameView(world(), STAB_FROM_RAW)
+    assert repr(moved) == "FrameView(640x360, border=0, is_raw=False)"
+    np.testing.assert_allclose(moved.raw_from_stab @ STAB_FROM_RAW, np.eye(3), atol=1e-12)
+    shown = cv2.imdecode(np.frombuffer(view._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(shown, view.render())
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (7, -5)])
+def test_a_rectangle_of_whole_pixels_is_cut_out(shift):
+    frame = world()
+    x, y = 200 + shift[0], 100 + shift[1]
+    view = FrameView(frame, rigid(*shift, 0))
+    crop = view.crop_rectangle((x, y, 60, 40), (60, 40), np.zeros(3))
+    np.testing.assert_array_equal(crop, frame[100:140, 200:260])
+
+
+def test_a_rectangle_is_stretched():
+    """Each pixel of the crop is the center of two by four pixels, where the frame is a ramp."""
+    x, y = np.meshgrid(np.arange(100), np.arange(60))
+    frame = np.stack([2 * x, 4 * y, np.zeros_like(x)], axis=2).astype(np.uint8)
+    crop = FrameView(frame).crop_rectangle((10, 20, 40, 32), (20, 8), np.zeros(3))
+    assert crop.shape == (8, 20, 3)
+    columns, rows = 10 + 2 * np.arange(20) + 0.5, 20 + 4 * np.arange(8) + 1.5
+    np.testing.assert_array_equal(crop[..., 0], np.tile(2 * columns, (8, 1)))
+    np.testing.assert_array_equal(crop[..., 1], np.tile(4 * rows, (20, 1)).T)
+
+
+def test_outside_of_the_frame_a_rectangle_has_the_truncated_fill():
+    crop = FrameView(world()).crop_rectangle((-80, 10, 40, 30), (20, 15), np.array([9.9, 1, 2.5]))
+    assert (crop == (9, 1, 2)).all()
+
+
+@pytest.mark.parametrize(
+    ("center", "side", "rows", "columns"),
+    [
+        ((100.0, 80.0), 20, slice(70, 90), slice(90, 110)),
+        ((100.0, 80.0), 21, slice(69, 90), slice(89, 110)),
+        ((100.5, 80.4), 20, slice(70, 90), slice(90, 110)),
+        ((100.5, 80.6), 21, slice(70, 91), slice(90, 111)),
+    ],
+)
+def test_the_corner_of_a_square_is_rounded_half_up(center, side, rows, columns):
+    frame = world()
+    crop = FrameView(frame).crop(center, side, side, np.zeros(3))
+    np.testing.assert_array_equal(crop, frame[rows, columns])
+    assert crop.flags.c_contiguous
+
+
+@pytest.mark.parametrize(("left", "top"), [(-6, -4), (630, 350), (-6, 350), (630, -4)])
+def test_a_square_over_a_corner_is_filled_around_the_frame(left, top):
+    frame = world()
+    center = left + 10.5, top + 10.5
+    crop = FrameView(frame).crop(center, 20, 20, np.array([1.0, 2, 3]))
+    padded = np.full((420, 700, 3), (1, 2, 3), np.uint8)
+    padded[30:390, 30:670] = frame
+    np.testing.assert_array_equal(crop, padded[top + 30 : top + 50, left + 30 : left + 50])

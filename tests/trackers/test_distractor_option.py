@@ -7,24 +7,14 @@ import pytest
 
 import ssiam
 from helpers.lookalikes import CONFUSED, LEFT, RIGHT, SIDE, TRACKERS, confusing_frames, frame_with
-from helpers.stub_networks import (
-    Stub,
-    kernels,
-    marker_features,
-    marker_maps,
-    marker_refinement,
-    marker_responses,
-)
+from helpers.marker_trackers import siamfc_tracker, siammask_tracker, siamrpn_tracker
+from helpers.stub_networks import Stub, kernels
 from helpers.synthetic import golden_video
 from helpers.tracker_loops import LoopTests, center_distance
 from ssiam import FrameView
 from ssiam.runtime import loading
-from ssiam.trackers import siammask, siamrpn
 from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.siamese import TargetState
-from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
-from ssiam.trackers.siammask import SiamMask, SiamMaskNetworks
-from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks
 from ssiam.trackers.template_memory import TemplateMemoryTracker
 
 TARGET, LOOK_ALIKE = (*LEFT, SIDE, SIDE), (*RIGHT, SIDE, SIDE)
@@ -112,21 +102,17 @@ def test_lite_has_the_handling_of_distractors_unless_it_is_switched_off():
 
 class TestSiamFc(LoopTests):
     def tracker(self):
-        networks = SiamFcNetworks(Stub(lambda t, crop: [crop]), marker_responses())
-        return SiamFc(networks, distractors=True)
+        return siamfc_tracker(distractors=True)
 
 
 class TestSiamRpn(LoopTests):
     def tracker(self):
-        parameters = siamrpn.PARAMETERS["siamrpn_r50_l234_dwxcorr"]
-        return SiamRpn(SiamRpnNetworks(Stub(kernels), marker_maps()), parameters, distractors=True)
+        return siamrpn_tracker(distractors=True)
 
 
 class TestSiamMask(LoopTests):
     def tracker(self):
-        networks = SiamMaskNetworks(Stub(kernels), marker_features(), marker_refinement())
-        parameters = siammask.PARAMETERS["siammask_r50_l3"]
-        return SiamMask(networks, parameters, distractors=True)
+        return siammask_tracker(distractors=True)
 
 
 def test_peaks_are_found_over_all_anchors():

@@ -8,6 +8,8 @@ import pytest
 from helpers.stub_networks import Stub, marked
 from helpers.tracker_loops import BOX, LoopTests, moving_marker
 from ssiam import FrameView
+from ssiam.errors import ArgumentError
+from ssiam.runtime import RuntimeOptions, loading
 from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker, Memory
 
 
@@ -116,3 +118,40 @@ def test_templates_are_the_crop_around_the_target():
     rows, columns = np.nonzero(marked(crop[0]))
     assert rows.mean() == pytest.approx(63, abs=1)
     assert columns.mean() == pytest.approx(63, abs=1)
+
+
+PIECES = {name: Stub(None) for name in ("template", "search", "mask")}
+
+
+@pytest.mark.parametrize("names", [("template", "search"), ("template", "search", "mask")])
+def test_the_networks_are_the_pieces_of_the_weights(monkeypatch, tmp_path, names):
+    calls = []
+
+    def load(weights, network, options):
+        calls.append((weights, network, options))
+        return {name: PIECES[name] for name in names}
+
+    monkeypatch.setattr(loading, "load_pieces", load)
+    options = RuntimeOptions(threads=2)
+    found = Lite2Networks.load(tmp_path, options)
+    assert calls == [(tmp_path, "lite2", options)]
+    assert (found.template, found.search) == (PIECES["template"], PIECES["search"])
+    assert found.mask is (PIECES["mask"] if "mask" in names else None)
+
+
+def test_the_networks_do_not_run_in_pytorch(tmp_path):
+    with pytest.raises(ArgumentError) as caught:
+        Lite2Networks.load(tmp_path, RuntimeOptions("torch"))
+    expected = "tracker lite is in ONNX: choose runtime openvino or onnxruntime"
+    assert str(caught.value) == expected
+
+
+@pytest.mark.parametrize(("taken", "given"), [(2, 2), (3, 3), (4, 4), (0, 4)])
+def test_a_network_gets_as_many_inputs_as_it_takes(taken, given):
+    """Crop, two kernels and the recent template's context."""
+    search = Stub(lambda t, *inputs: list(inputs))
+    search.input_shapes = [(1,)] * taken
+    both = Lite2Networks(Stub(None), search)
+    assert both.responses("crop", ["first", "second"], "recent") == [
+        *("crop", "first", "second", "recent")[:given]
+    ]

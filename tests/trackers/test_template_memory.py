@@ -7,24 +7,13 @@ import pytest
 
 import ssiam
 from helpers.lookalikes import nanotrack_tracker
-from helpers.stub_networks import (
-    Stub,
-    kernels,
-    marker_features,
-    marker_maps,
-    marker_refinement,
-    marker_responses,
-)
+from helpers.marker_trackers import siamfc_tracker, siammask_tracker, siamrpn_tracker
 from helpers.synthetic import generator, world
 from helpers.tracker_loops import BOX, LoopTests, marker_frame
 from ssiam import FrameView
 from ssiam.errors import ArgumentError
 from ssiam.geometry import iou
-from ssiam.trackers import siammask, siamrpn
 from ssiam.trackers.opencv import OpenCvTracker
-from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
-from ssiam.trackers.siammask import SiamMask, SiamMaskNetworks
-from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks
 from ssiam.trackers.template_memory import (
     MemoryParameters,
     TemplateMemoryTracker,
@@ -197,10 +186,6 @@ def test_trackers_without_a_score_map_have_no_distractors(name):
     ssiam.load_tracker(name, distractors=False)
 
 
-def whole(t, crop):
-    return [crop]
-
-
 class MemoryLoopTests(LoopTests):
     """A loop in which a second template searches in every frame."""
 
@@ -234,19 +219,17 @@ class MemoryLoopTests(LoopTests):
 
 class TestSiamFc(MemoryLoopTests):
     def plain(self):
-        return SiamFc(SiamFcNetworks(Stub(whole), marker_responses()))
+        return siamfc_tracker()
 
 
 class TestSiamRpn(MemoryLoopTests):
     def plain(self):
-        parameters = siamrpn.PARAMETERS["siamrpn_r50_l234_dwxcorr"]
-        return SiamRpn(SiamRpnNetworks(Stub(kernels), marker_maps()), parameters)
+        return siamrpn_tracker()
 
 
 class TestSiamMask(MemoryLoopTests):
     def plain(self):
-        networks = SiamMaskNetworks(Stub(kernels), marker_features(), marker_refinement())
-        return SiamMask(networks, siammask.PARAMETERS["siammask_r50_l3"])
+        return siammask_tracker()
 
 
 def test_nanotrack_has_features():

@@ -93,7 +93,7 @@ def test_when_the_session_thread_dies_pending_commands_are_refused():
 
 def test_commands_are_refused_while_a_frame_is_stalled():
     hang = Hang()
-    with ObservedSession(failing_tracker(hang), stall_seconds=0.5) as observed:
+    with ObservedSession(failing_tracker(hang), stall_seconds=2.0) as observed:
         observed.ask(Add(BOX))
         assert hang.hangs.wait(SECONDS)
         waiting = observed.session.submit(Pause(False))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Generator, Iterable, Sequence
-from itertools import chain, count
+from itertools import chain
 from pathlib import Path
 
 import cv2
@@ -14,7 +14,7 @@ from ssiam.cli.track_run import SourceOptions, selected_frames
 from ssiam.errors import SinkError
 from ssiam.geometry import XYWH, Image
 from ssiam.motion.proposals import propose_boxes
-from ssiam.outputs import atomic_write, check_output
+from ssiam.outputs import atomic_write, check_output, numbered_names
 from ssiam.track import Track
 from ssiam.video import Frame
 from ssiam.video.drawing import draw_rulers, draw_tracks
@@ -38,7 +38,8 @@ def pick_boxes(source: SourceOptions, span: Span, stem: str, words: Sequence[str
     SsiamError
         The source cannot be opened, has no frame in the span, or the image cannot be written.
     """
-    path = _unused(stem)
+    paths = (Path(f"{name}.png") for name in numbered_names(f"{stem}-pick"))
+    path = next(path for path in paths if not path.exists())
     check_distinct_from_source([("--pick", path)], source.spec)
     check_output(path, overwrite=False)
     with source.open() as frames:
@@ -68,14 +69,6 @@ def _proposals(frames: Generator[Frame, None, None]) -> tuple[Frame, list[XYWH]]
 
 def _command(words: Sequence[str], box: XYWH) -> str:
     return shlex.join([*words, "--box", ",".join(f"{value:g}" for value in box)])
-
-
-def _unused(stem: str) -> Path:
-    for number in count(1):
-        path = Path(f"{stem}-pick.png" if number == 1 else f"{stem}-pick-{number}.png")
-        if not path.exists():
-            return path
-    raise AssertionError("unreachable: the loop is infinite")
 
 
 def _write(path: Path, image: Image) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 
 from ssiam.errors import SinkError
 from ssiam.geometry import IDENTITY, Image
-from ssiam.outputs import NamedPath, check_output, leftover_parts
+from ssiam.outputs import NamedPath, check_output, leftover_parts, numbered_names
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.video import (
@@ -60,8 +59,7 @@ class OutputPaths:
     def default(cls, stem: str, targets: int, overwrite: bool) -> OutputPaths:
         """``STEM-tracked.mp4`` and ``.csv`` in the current folder, numbered to be unused."""
         leftovers: list[Path] = []
-        for number in count(1):
-            name = f"{stem}-tracked" if number == 1 else f"{stem}-tracked-{number}"
+        for name in numbered_names(f"{stem}-tracked"):
             video, results = Path(f"{name}.mp4"), Path(f"{name}.csv")
             parts = [part for path in (video, results) for part in leftover_parts(path)]
             leftovers += parts

@@ -22,7 +22,7 @@ from ssiam.runtime.model_zoo import PublishedFile
 __all__ = ["ReceivedBytes", "download"]
 
 _TIMEOUT: Final = 30.0  # seconds without a byte, after which a connection counts as cut
-_ATTEMPTS: Final = 5  # in a row that bring no byte
+_ATTEMPTS: Final = 5  # in a row without a new byte
 _WAIT: Final = 0.5  # seconds before the next attempt, doubled after each
 _CHUNK: Final = 1 << 16  # bytes
 _MAX_BYTES: Final = 2**31  # of a file whose size is not known
@@ -83,7 +83,7 @@ def download(file: PublishedFile, folder: Path, progress: ReceivedBytes | None =
 
 
 class _Transfer:
-    """One file on its way: its part, and the server's tag of what the part belongs to."""
+    """A download in progress: the partial file, and the server's tag of its version."""
 
     def __init__(self, file: PublishedFile, part: Path, progress: ReceivedBytes | None) -> None:
         self.file, self.part, self._progress = file, part, progress
@@ -98,7 +98,7 @@ class _Transfer:
         return self.part.stat().st_size if self.part.exists() else 0
 
     def attempt(self) -> str:
-        """Receive what one connection brings; the reason if that is not all.
+        """Receive bytes over one connection; the reason if they are not all.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class _Transfer:
             if received > limit:
                 self._discard()
                 raise WeightsError(
-                    f"{self.file.address}: brings more than the expected {limit} bytes; it was "
+                    f"{self.file.address}: has more than the expected {limit} bytes; it was "
                     "discarded"
                 )
             part.write(chunk)

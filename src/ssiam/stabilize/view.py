@@ -80,14 +80,9 @@ class FrameView:
         """
         # The reference trackers round the corner center - (side + 1) / 2 half up.
         left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in center_xy)
-        color = np.trunc(fill).tolist()
         if self.is_raw:
-            return _subwindow(self.raw, left, top, side, out, color)
-        scale = side / out
-        stab_from_crop = np.array(
-            [[scale, 0, left + scale / 2 - 0.5], [0, scale, top + scale / 2 - 0.5], [0, 0, 1]]
-        )
-        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, (out, out), color)
+            return _subwindow(self.raw, left, top, side, out, _color(fill))
+        return self.crop_rectangle((left, top, side, side), (out, out), fill)
 
     def crop_rectangle(self, xywh: XYWH, out_wh: tuple[int, int], fill: Color) -> Image:
         """Crop a rectangle of the stabilized frame, stretched to `out_wh`: (H, W, 3) uint8 BGR.
@@ -108,8 +103,7 @@ class FrameView:
         stab_from_crop = np.array(
             [[across, 0, x + across / 2 - 0.5], [0, down, y + down / 2 - 0.5], [0, 0, 1]]
         )
-        color = np.trunc(fill).tolist()
-        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, out_wh, color)
+        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, out_wh, _color(fill))
 
     def render(self, part: XYWH | None = None) -> Image:
         """Render the stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
@@ -138,6 +132,12 @@ class FrameView:
             warped = _warp(self.raw, raw_from_part, (right - left, bottom - top), [0, 0, 0])
             rendered[top:bottom, left:right] = warped
         return rendered
+
+
+def _color(fill: Color) -> list[float]:
+    """The fill color for OpenCV, without its fractions."""
+    color: list[float] = np.trunc(fill).tolist()
+    return color
 
 
 def _part_limits(

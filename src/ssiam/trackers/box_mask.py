@@ -7,20 +7,24 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-import cv2
 import numpy as np
 
 from ssiam.geometry import XYWH, Image
 from ssiam.runtime import Network
 from ssiam.stabilize import FrameView
 from ssiam.track import Outline, PendingOutline
-from ssiam.trackers.lite_mask import Floats, PastedMask, rotated_box
+from ssiam.trackers.lite_mask import (
+    Floats,
+    intersection,
+    paste,
+    rotated_box,
+    visible_span,
+)
 from ssiam.trackers.siamese import crop_tensor
 
 CROP_SIDE: Final = 128  # px, side of the network's input
 CONTEXT: Final = 1.6  # width and height of the crop, in those of the box
 _CELL: Final = 2  # px of the crop in a cell of the mask
-_HALF: Final = 127  # of 255: a probability of one half
 
 
 @dataclass(frozen=True)
@@ -63,16 +67,10 @@ class BoxMask:
     ) -> Outline:
         (logits,) = self.network(crop_tensor(crop))
         threshold = math.log(self.threshold / (1 - self.threshold))
-        probability = (127.5 + 127.5 * np.tanh((logits[0, 0] - threshold) / 2)).astype(np.uint8)
-        low = np.maximum(np.floor(crop_xywh[:2]), -margin)
-        high = np.minimum(np.ceil(np.add(crop_xywh[:2], crop_xywh[2:])), np.add(size_wh, margin))
-        width, height = np.maximum(high - low, 1).astype(int).tolist()
-        across, down = (side / CROP_SIDE * _CELL for side in crop_xywh[2:])
-        # The first cell's center is half a cell from the crop's edges.
-        x, y = np.subtract(crop_xywh[:2], low) + np.array([across, down]) / 2 - 0.5
-        part_from_mask = np.array([[across, 0.0, x], [0.0, down, y]])
-        part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
-        mask = PastedMask(part, (int(low[0]), int(low[1])))
+        corner, sides = np.array(crop_xywh[:2]), np.array(crop_xywh[2:])
+        crop_span = np.floor(corner), np.ceil(corner + sides)
+        span = intersection(crop_span, visible_span(size_wh, margin))
+        mask = paste(logits[0, 0] - threshold, corner, sides / CROP_SIDE * _CELL, span)
         return Outline(rotated_box(mask, xywh), mask.full(size_wh))
 
 

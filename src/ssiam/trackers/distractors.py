@@ -119,11 +119,10 @@ class DistractorTracker:
         flags = np.zeros(len(score), dtype=np.bool_)
         peaks = _peaks(positions_xy, score, size, anchors) if self._enabled else []
         candidates = ScoredCandidates(positions_xy, score, size, peaks, flags)
+        if not peaks or self._target_score < _MIN_TARGET_SCORE:
+            return candidates
         from_target = candidates.distances(positions_xy, np.asarray(last.center_xy))
-        if (
-            self._target_score >= _MIN_TARGET_SCORE
-            and (from_target[candidates.peaks] < _SAME_OBJECT).any()
-        ):
+        if (from_target[peaks] < _SAME_OBJECT).any():
             max_score = _MAX_RATIO * self._target_score
             for distractor in self._distractors:
                 if distractor.frames >= _MIN_FRAMES and distractor.score < max_score:

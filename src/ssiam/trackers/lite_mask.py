@@ -85,16 +85,39 @@ def pasted_mask(
     PastedMask
         True where the probability, interpolated between cells, is more than a half.
     """
-    probability = (127.5 + 127.5 * np.tanh(logits[0, 0] / 2)).astype(np.uint8)
     zoom = crop_side / _SEARCH_SIDE  # frame pixels per crop pixel
     scale = _STRIDE * zoom
     corner = crop_corner(center_xy, crop_side)
     crop = corner - np.ceil(scale), corner + np.ceil(crop_side + 2 * scale)
-    first, last = _intersection(crop, _around(xywh), (np.full(2, -margin), np.add(size_wh, margin)))
-    width, height = np.maximum(last - first, 1).astype(int).tolist()
-    # Pixel p of the crop is at corner + (p + 0.5) * zoom - 0.5 in the frame.
-    x, y = corner + scale / 2 - 0.5 - first
-    part_from_mask = np.array([[scale, 0.0, x], [0.0, scale, y]])
+    span = intersection(crop, _around(xywh), visible_span(size_wh, margin))
+    return paste(logits[0, 0], corner, np.full(2, scale), span)
+
+
+def visible_span(size_wh: tuple[int, int], margin: int) -> Span:
+    """The pixels of a frame of this width and height with a margin on each side."""
+    return np.full(2, -margin), np.add(size_wh, margin)
+
+
+def paste(logits: Tensor, corner_xy: Floats, cell_wh: Floats, span: Span) -> PastedMask:
+    """The part of a mask in a span of the frame, at least one pixel wide and high.
+
+    Parameters
+    ----------
+    logits : (n, n) float32
+        Positive on the target.
+    corner_xy : (2,) float64
+        Top left corner of the first cell, frame pixels.
+    cell_wh : (2,) float64
+        Width and height of a cell, frame pixels.
+    span : Span
+        Whole pixels.
+    """
+    probability = (127.5 + 127.5 * np.tanh(logits / 2)).astype(np.uint8)
+    first, end = span
+    width, height = np.maximum(end - first, 1).astype(int).tolist()
+    # The center of pixel p is at p + 0.5.
+    (across, down), (x, y) = cell_wh, corner_xy + cell_wh / 2 - 0.5 - first
+    part_from_mask = np.array([[across, 0.0, x], [0.0, down, y]])
     part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
     return PastedMask(part, (int(first[0]), int(first[1])))
 
@@ -118,7 +141,7 @@ def _around(xywh: XYWH) -> Span:
     return low, low + np.ceil(_REACH * size) + 1
 
 
-def _intersection(*spans: Span) -> Span:
+def intersection(*spans: Span) -> Span:
     """The pixels in all of the spans; if there are none, the end is at or below the start."""
     starts, ends = [start for start, _ in spans], [end for _, end in spans]
     return np.maximum.reduce(starts), np.minimum.reduce(ends)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import closing
 from urllib.parse import quote
 
@@ -176,6 +177,7 @@ def test_a_client_that_floods_does_not_disturb_a_person():
         attack.start()
         while attack.is_alive():
             assert person.ask(type="seek", index=1)["answer"] == 1
+            time.sleep(0.05)
         flood.close()
         assert person.ask(type="add", frame=1, box=BOX)["answer"] == 1
         until(lambda: page._clients == 1)

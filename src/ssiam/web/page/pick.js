@@ -286,9 +286,10 @@ class PickPage {
         if (Math.min(box[2], box[3]) >= MIN_SIDE) show({ id, box });
       },
       drop: async () => {
-        const { box } = this.#changed ?? {};
-        if (box) await this.#command({ type: "adjust", id, box });
-        show(null);
+        const changed = this.#changed;
+        if (changed) await this.#command({ type: "adjust", ...changed });
+        // The next stroke may have begun before the answer came.
+        if (this.#changed === changed) show(null);
       },
       cancel: () => show(null),
     };
