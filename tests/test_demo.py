@@ -71,18 +71,20 @@ def test_the_sentence_is_true_of_any_outcome(demo, comparisons):
     assert re.search(r"alone keeps her to the end.*; with ssiam it loses her after \d\.\d s", bad)
 
 
-def test_the_demo_prints_three_lines_and_writes_a_video_and_an_image_again_and_again(tmp_path):
-    out = tmp_path / "new" / "folder"
-    for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, str(SCRIPT), "--out", str(out)],
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stderr == ""
-        assert len(done.stdout.splitlines()) == 3
+def test_the_demo_prints_three_lines_and_replaces_its_video_and_image(tmp_path):
+    out = tmp_path / "folder"
+    out.mkdir()
+    for name in ("demo.mp4", "demo.png"):
+        (out / name).write_bytes(b"of an earlier run")
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--out", str(out)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert len(done.stdout.splitlines()) == 3
     assert sorted(path.name for path in out.iterdir()) == ["demo.mp4", "demo.png"]
     with open_source(out / "demo.mp4") as source:
         frames = [frame.image for frame in source]

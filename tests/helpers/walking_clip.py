@@ -12,8 +12,8 @@ from ssiam.video import VideoSink
 SIZE = (320, 240)
 RATE = 10  # frames per second, few enough for slow machines
 FRAMES = 300
-# 1.5 s; late enough that a slow machine can pause before it.
-HIDDEN = range(50, 65)
+# 3 s; late enough that a slow machine can pause before it.
+HIDDEN = range(50, 80)
 WALKER, STANDER = (44, 40), (40, 44)  # width, height
 _STANDER_AT = (220, 150)
 

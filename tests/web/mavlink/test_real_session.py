@@ -31,7 +31,7 @@ def running(path, address):
 
 
 def test_a_ground_station_controls_a_real_session(tmp_path, station):
-    boxes = write_clip(tmp_path / "clip.mp4", 120, fps=20)
+    boxes = write_clip(tmp_path / "clip.mp4", 120, fps=8)
     x, y, w, h = boxes[0]
     with running(tmp_path / "clip.mp4", station.address) as steps:
         station.status()
