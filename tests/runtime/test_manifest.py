@@ -1,5 +1,7 @@
 """`atomic_export`: a folder holds the older network or the newer one, whole."""
 
+import json
+
 import pytest
 
 from ssiam.errors import SinkError, WeightsError
@@ -59,3 +61,32 @@ def test_a_missing_piece_keeps_the_older_export(tmp_path):
     with pytest.raises(SinkError):
         export_without_pieces()
     assert _content(tmp_path) == {"first"}
+
+
+VALID = {"name": "siamfc", "network": "siamfc", "sha256": "0" * 64, "pieces": ["template"]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(json.dumps(VALID | {"network": ["siamfc"]}), id="list"),
+        pytest.param(json.dumps(VALID | {"pieces": ["a\0b"]}), id="NUL"),
+        pytest.param(json.dumps(VALID | {"pieces": ["../../secret"]}), id="other folder"),
+        pytest.param(json.dumps(VALID | {"pieces": "template"}), id="letters"),
+        pytest.param(json.dumps(VALID | {"pieces": [["a"]]}), id="list of lists"),
+        pytest.param(json.dumps(VALID | {"opset": True}), id="flag"),
+        pytest.param(json.dumps(VALID | {"precision": "f8"}), id="unknown precision"),
+        pytest.param(json.dumps(VALID | {"extra": 1}), id="other field"),
+        pytest.param(json.dumps({"pieces": []}), id="missing fields"),
+        pytest.param("[" * 200_000, id="deep"),
+        pytest.param('{"opset": ' + "9" * 5000 + "}", id="digits"),
+        pytest.param(b"\xff\xff", id="no text"),
+        pytest.param("null", id="null"),
+    ],
+)
+def test_a_damaged_manifest_is_one_line(tmp_path, text):
+    (tmp_path / "network.json").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(WeightsError, match=r"network\.json is damaged \([^\n]+\): export"):
+        Manifest.read(tmp_path)
+    (tmp_path / "network.json").write_text(json.dumps(VALID))
+    assert Manifest.read(tmp_path).pieces == ("template",)

@@ -117,6 +117,15 @@ def test_a_full_disk_while_metrics_are_written_is_one_error(tmp_path, small_file
     assert [step for step, _ in rows(tmp_path)][:3] == [0, 1, 2]
 
 
+def test_damaged_rows_of_metrics_are_left_out(tmp_path):
+    good = "step,name,value\n1,loss,0.5\n"
+    odd = "²,loss,1\n" + "9" * 5000 + ',loss,1\n"open,loss,\n\0,\0,\0\n'
+    (tmp_path / "metrics.csv").write_bytes((good + odd).encode() + b"\xff,a,b\n")
+    with Metrics(tmp_path, 10):
+        pass
+    assert (tmp_path / "metrics.csv").read_text() == good
+
+
 def test_metrics_and_validation_are_written(finished):
     written = rows(finished)
     assert [step for step, name in written if name == "stem"] == [0, 1]

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
+from ssiam.parsing import parse_json
 from ssiam.video.results import COLUMNS
 
 _Record: TypeAlias = Mapping[str, float | None]
@@ -170,7 +171,7 @@ def _csv_record(columns: Sequence[str], line: str) -> _Record:
 
 
 def _json_record(line: str) -> _Record:
-    values = json.loads(line)
+    values = parse_json(line)
     if not isinstance(values, dict):
         raise ValueError("is not a JSON object")
     missing = [name for name in _REQUIRED if name not in values]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final, get_args
 
-from ssiam.errors import WeightsError
+from ssiam.errors import WeightsError, one_line
 from ssiam.outputs import make_folder, output_error
+from ssiam.parsing import parse_json
 from ssiam.runtime.network import Precision
 
 __all__ = [
@@ -28,6 +30,8 @@ __all__ = [
 MANIFEST_FILE: Final = "network.json"
 _TEMPORARY: Final = ".export-"  # prefix of the folders of unfinished exports
 OPSET: Final = 17  # of ONNX; every supported runtime accepts it
+_MAX_BYTES: Final = 64 * 1024  # of a manifest; those of all networks have less than 500
+_FILE_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")  # without a suffix
 
 
 def package_version() -> str:
@@ -77,11 +81,12 @@ class Manifest:
                 "give a folder that ssiam weights export has written, or the authors' .pth file"
             )
         try:
-            values = json.loads(path.read_text())
-            values["pieces"] = tuple(values["pieces"])
-            return cls(**values)
-        except (ValueError, TypeError, KeyError) as error:
-            raise WeightsError(f"{path} is damaged: export the network again") from error
+            with path.open("rb") as file:
+                text = file.read(_MAX_BYTES + 1)
+            return cls(**_checked(parse_json(text) if len(text) <= _MAX_BYTES else None))
+        except (OSError, ValueError, TypeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else one_line(error)
+            raise WeightsError(f"{path} is damaged ({reason}): export the network again") from error
 
     @property
     def cache_key(self) -> str:
@@ -95,6 +100,27 @@ class Manifest:
     def write(self, folder: Path) -> None:
         """Write the manifest to a folder; it must be the last file written there."""
         (folder / MANIFEST_FILE).write_text(json.dumps(asdict(self), indent=2) + "\n")
+
+
+def _checked(values: Any) -> dict[str, Any]:
+    """The fields of a `Manifest`; `ValueError` if a type is wrong or a piece is no file name."""
+    if not isinstance(values, dict) or not {each.name for each in fields(Manifest)} >= set(values):
+        raise ValueError("other fields")
+    pieces = values.get("pieces")
+    if not isinstance(pieces, list) or not all(map(_is_file_name, pieces)):
+        raise ValueError("pieces")
+    for name, value in values.items():
+        if name not in ("pieces", "opset") and not isinstance(value, str):
+            raise ValueError(name)
+    if type(values.get("opset", OPSET)) is not int:
+        raise ValueError("opset")
+    if values.get("precision", "f32") not in get_args(Precision):
+        raise ValueError("precision")
+    return values | {"pieces": tuple(pieces)}
+
+
+def _is_file_name(value: object) -> bool:
+    return isinstance(value, str) and _FILE_NAME.fullmatch(value) is not None
 
 
 @contextmanager

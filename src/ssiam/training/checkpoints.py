@@ -17,6 +17,7 @@ from ssiam.networks.checkpoints import read_torch_file
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
 from ssiam.outputs import NamedPath, atomic_write, check_distinct, leftover_parts
+from ssiam.parsing import parse_json
 from ssiam.runtime.files import sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, atomic_export, leftover_exports
 from ssiam.training.config import from_table
@@ -78,7 +79,7 @@ def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
         return None
     try:
         content = read_torch_file(path)
-        theirs = json.loads(content.pop("settings"))
+        theirs = parse_json(content.pop("settings"))
     except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise WeightsError(
             f"checkpoint {path} is damaged: remove it to train from the start, or restore a copy"

@@ -12,11 +12,13 @@ from typing import Any, Final
 
 from ssiam.errors import SinkError
 from ssiam.outputs import atomic_write, output_error
+from ssiam.parsing import is_number_word
 
 __all__ = ["METRICS", "Metrics"]
 
 METRICS: Final = "metrics.csv"
 _COLUMNS: Final = ("step", "name", "value")
+_MAX_DIGITS: Final = 18  # of a step
 
 
 class Metrics:
@@ -81,12 +83,16 @@ class Metrics:
 
 
 def _rows_before(path: Path, step: int) -> list[list[str]]:
-    """The rows of earlier steps, without the header and truncated rows."""
+    """The rows of earlier steps, without the header and damaged rows."""
     if not path.is_file():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.reader(file) if len(row) == len(_COLUMNS) and row[0].isdigit()]
-    return [row for row in rows if int(row[0]) < step]
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    rows = [words for line in lines if len(words := line.split(",")) == len(_COLUMNS)]
+    return [row for row in rows if _is_before(row[0], step)]
+
+
+def _is_before(word: str, step: int) -> bool:
+    return is_number_word(word) and len(word) <= _MAX_DIGITS and int(word) < step
 
 
 def _open_board(folder: Path, step: int) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import SourceError, StreamError
+from ssiam.parsing import is_number_word
 from ssiam.video.frames import DecodedImages, Source, SourceInfo
 from ssiam.video.levels import Levels, convert_to_8bit
 
@@ -75,7 +76,7 @@ def image_paths(folder: Path) -> list[Path]:
 
 def _natural_key(path: Path) -> tuple[list[tuple[int, str]], str]:
     parts = re.findall(r"[0-9]+|[^0-9]+", path.name.lower())
-    numbered = [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    numbered = [(int(part), "") if is_number_word(part) else (-1, part) for part in parts]
     return numbered, path.name
 
 

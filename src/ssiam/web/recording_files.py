@@ -16,6 +16,7 @@ from typing import Any, Final
 from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
 from ssiam.outputs import atomic_write
+from ssiam.parsing import parse_json
 from ssiam.video import open_source
 
 try:
@@ -105,7 +106,7 @@ class RecordingMetadata:
         ValueError, TypeError, KeyError, AttributeError
             It is damaged.
         """
-        values = json.loads(text)
+        values = parse_json(text)
         width, height = (int(value) for value in values["size_wh"])
         return cls(
             str(values["fps"]),

@@ -5,7 +5,6 @@ Each reader returns one track per object. Damaged annotations are skipped, see `
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +18,7 @@ from ssiam.datasets import DatasetError
 from ssiam.datasets.files import inside, read_text
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, iou
+from ssiam.parsing import is_number_word, parse_json
 from ssiam.training.data.files import (
     AnnotationErrors,
     first_folder,
@@ -126,7 +126,7 @@ def _voc_box(entry: ElementTree.Element, path: Path) -> XYWH:
         raise DatasetError(f"{path}: has an object without the four numbers of its box") from None
     if not (right > left and bottom > top and np.isfinite((left, top, right, bottom)).all()):
         raise DatasetError(f"{path}: has a box without area, {', '.join(words)}")
-    if all(word.strip().isdigit() for word in words):
+    if all(is_number_word(word.strip()) for word in words):
         return left - 1, top - 1, right - left + 1, bottom - top + 1
     return left, top, right - left, bottom - top
 
@@ -189,8 +189,8 @@ def read_coco(file: Path, names: NameFilter) -> list[TrainingTrack]:
 def _coco_content(file: Path) -> tuple[dict[Any, str], list[Any]]:
     """File names by image id, and the objects."""
     try:
-        content = json.loads(read_text(file, _COCO_MAX_BYTES))
-    except (ValueError, RecursionError) as error:
+        content = parse_json(read_text(file, _COCO_MAX_BYTES))
+    except ValueError as error:
         raise DatasetError(f"{file}: is not valid JSON ({error})") from None
     if not isinstance(content, dict):
         raise DatasetError(f"{file}: holds no images and annotations in COCO's format")
