@@ -1,8 +1,10 @@
 """`parse_json` and `is_number_word`: all that is wrong with a text is a `ValueError`."""
 
+from fractions import Fraction
+
 import pytest
 
-from ssiam.parsing import is_number_word, parse_json
+from ssiam.parsing import is_number_word, parse_json, parse_rate
 
 
 @pytest.mark.parametrize(
@@ -44,3 +46,23 @@ def test_number_words(word):
 @pytest.mark.parametrize("word", ["", "²", "1①", "٣", "-1", "1.0", " 1", "1_0"])
 def test_other_words(word):
     assert not is_number_word(word)
+
+
+@pytest.mark.parametrize(
+    ("text", "rate"),
+    [("25", Fraction(25)), ("29.97", Fraction(2997, 100)), ("30000/1001", Fraction(30000, 1001))],
+)
+def test_rates(text, rate):
+    assert parse_rate(text) == rate
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("1e99999999", "1e-99999999", "9" * 100_000, "1/" + "9" * 5000, "1/0", "1/000"),
+        *("0", "-5", "nan", "inf", "", "1e400", "٣", "1.5/3", "1e2/3"),
+    ],
+)
+def test_other_rates(text):
+    with pytest.raises(ValueError, match="is not a rate"):
+        parse_rate(text)

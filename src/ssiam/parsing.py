@@ -1,12 +1,17 @@
-"""JSON and numbers of untrusted text: whatever is wrong with it is one `ValueError`."""
+"""JSON, rates and numbers of untrusted text: whatever is wrong with it is one `ValueError`."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
-from typing import Any, NoReturn
+from fractions import Fraction
+from typing import Any, Final, NoReturn
 
-__all__ = ["is_number_word", "parse_json"]
+__all__ = ["is_number_word", "parse_json", "parse_rate"]
+
+# Short numbers without large exponents: Fraction("1e99999999") would fill the memory.
+_RATE: Final = re.compile(r"\s*[0-9]{1,9}(/0*[1-9][0-9]{0,8}|(\.[0-9]{0,12})?([eE][+-]?[0-9])?)\s*")
 
 
 def parse_json(text: str | bytes, *, constants: bool = True) -> Any:
@@ -41,6 +46,20 @@ def is_number_word(word: str) -> bool:
     `str.isdigit` is also true for ``²`` and ``①``, `str.isdecimal` for digits of other scripts.
     """
     return word.isascii() and word.isdecimal()
+
+
+def parse_rate(text: str) -> Fraction:
+    """Frames per second: 25, 29.97 or 30000/1001.
+
+    Raises
+    ------
+    ValueError
+        It is not a positive number, or one with too many digits.
+    """
+    rate = Fraction(text) if _RATE.fullmatch(text) else Fraction(0)
+    if rate <= 0:
+        raise ValueError(f"{text[:40]!r} is not a rate")
+    return rate
 
 
 def _check_surrogates(value: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +27,7 @@ from ssiam.cli.track_page import choose_and_track
 from ssiam.cli.track_progress import TerminalProgress
 from ssiam.cli.track_run import SourceOptions, TrackJob, run_track
 from ssiam.errors import ArgumentError
+from ssiam.parsing import parse_rate
 from ssiam.video import RawFormat
 
 _OUTPUT_GROUP = Group("Output", sort_key=2)
@@ -181,10 +181,10 @@ def _raw_format(text: str | None) -> RawFormat | None:
     try:
         size, pixel_format, fps = text.split(",")
         width, height = (int(number) for number in size.split("x"))
-        return RawFormat((width, height), pixel_format, Fraction(fps))
-    except (ValueError, ZeroDivisionError):
+        return RawFormat((width, height), pixel_format, parse_rate(fps))
+    except ValueError:
         raise ArgumentError(
-            f"--raw {text!r} is not a raw format: give size, pixel format and rate, "
+            f"--raw {text[:80]!r} is not a raw format: give size, pixel format and rate, "
             "such as 640x360,bgr24,30"
         ) from None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from ssiam.errors import check_choice
-from ssiam.exchange.annotations import Annotations
+from ssiam.exchange.annotations import Annotations, printable
 from ssiam.exchange.coco import write_coco
 from ssiam.exchange.cvat import write_cvat
 from ssiam.exchange.got10k import write_got10k
@@ -58,4 +58,4 @@ def write_exports(
         The kind is unknown.
     """
     write = _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)]
-    write(annotations, Path(path), video, overwrite)
+    write(annotations, Path(path), printable(video), overwrite)

@@ -90,7 +90,8 @@ class Motion:
                 f"motion is {short_repr(cur_from_prev)}: give an invertible (3, 3) or (2, 3) "
                 "transform of pixels"
             )
-        if not (_keeps_frame(matrix, size_wh) and _keeps_frame(np.linalg.inv(matrix), size_wh)):
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        if not (_keeps_frame(matrix, size_wh) and _keeps_frame(inverse, size_wh)):
             width, height = size_wh
             raise ArgumentError(
                 f"motion {short_repr(matrix.tolist())} moves frames of {width}x{height} pixels out "

@@ -132,7 +132,7 @@ def open_source(
     if is_address(text) and not text.lower().startswith("file://"):
         return open_address(text, stream=stream, levels=options.levels, sound=sound)
     if is_address(text):
-        text = unquote(urlsplit(text).path)
+        text = path_of_file_address(text)
     return _open_path(text, raw, options)
 
 
@@ -166,6 +166,14 @@ def open_file_at(
     """
     options = _Options(stream, None if levels is None else Levels(*levels), False, position)
     return _open_path(path, raw, options)
+
+
+def path_of_file_address(address: str) -> str:
+    """The path of a ``file://`` address; empty if it has none."""
+    try:
+        return unquote(urlsplit(address).path)
+    except ValueError:  # of a host in brackets that is no IPv6 address
+        return ""
 
 
 def camera_index(spec: str) -> int | None:
@@ -280,6 +288,8 @@ def _open_stdin(raw: RawFormat | None, options: _Options) -> Source:
 
 def _open_path(text: str, raw: RawFormat | None, options: _Options) -> Source:
     path, name = Path(text), display_name(text)
+    if "\0" in text:
+        raise SourceError(f"{name!r}: has a NUL character; check the path")
     try:
         if path.is_dir() and text:
             options.check_no_stream(text)

@@ -16,7 +16,7 @@ from typing import Any, Final
 from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
 from ssiam.outputs import atomic_write
-from ssiam.parsing import parse_json
+from ssiam.parsing import parse_json, parse_rate
 from ssiam.video import open_source
 
 try:
@@ -81,7 +81,7 @@ class RecordingMetadata:
     @property
     def rate(self) -> Fraction:
         """Frames per second."""
-        return Fraction(self.fps)
+        return parse_rate(self.fps)
 
     def to_json(self) -> str:
         """The content of recording.json."""
