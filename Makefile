@@ -6,7 +6,7 @@ READY := .venv/.ready
 PLAIN_READY := .venv-demo/.ready
 AUDIT_READY := .venv-audit/.ready
 
-.PHONY: install install-plain demo test lint docs audit mutation toolkit clean
+.PHONY: install install-plain demo test lint docs audit fuzz mutation toolkit clean
 
 install: $(READY)
 
@@ -46,6 +46,11 @@ $(AUDIT_READY):
 audit: $(READY) $(AUDIT_READY)
 	@.venv-audit/bin/python scripts/audit.py \
 		"$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')"
+
+# Minutes of damaged inputs: make fuzz MINUTES=30
+MINUTES ?= 10
+fuzz: $(READY)
+	OMP_WAIT_POLICY=PASSIVE $(BIN)/python scripts/fuzz.py $(MINUTES)
 
 mutation: $(READY)
 	$(BIN)/python scripts/mutation_sample.py

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickletools
 import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -27,6 +29,10 @@ __all__ = [
     "read_torch_file",
 ]
 
+_LEGACY_PICKLES: Final = 5  # before the numbers of a file in the legacy format
+# Operations of pickles that name code or other objects; names of Python's have less than 100
+_NAMING: Final = frozenset({"GLOBAL", "INST", "PERSID", "STACK_GLOBAL"})
+_MAX_NAME: Final = 300  # characters
 _MAX_KEY: Final = 40  # characters of a key that a message quotes
 _WRAPPERS: Final = ("state_dict", "model")  # keys under which training scripts store the weights
 
@@ -192,6 +198,7 @@ def _check_archive(path: Path) -> None:
 def _read_content(path: Path) -> Any:
     """The content of a file of tensors, numbers, text and containers."""
     _check_first_bytes(path)
+    _check_names(path)
     try:
         with torch.serialization.safe_globals(_NUMBERS):
             return torch.load(path, map_location="cpu", weights_only=True)
@@ -203,6 +210,25 @@ def _read_content(path: Path) -> Any:
                 "if you trust the file, save only its state dict, network.state_dict()"
             ) from error
         raise _damaged(path) from error
+
+
+def _check_names(path: Path) -> None:
+    """Refuse pickles with very long names: PyTorch takes minutes to put them into a message."""
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                name = next(each for each in archive.namelist() if each.endswith("/data.pkl"))
+                pickles = [BytesIO(archive.read(name))]
+        else:
+            pickles = [BytesIO(path.read_bytes())] * _LEGACY_PICKLES
+        for pickle in pickles:
+            for operation, argument, _ in pickletools.genops(pickle):
+                if operation.name in _NAMING and len(str(argument)) > _MAX_NAME:
+                    raise _damaged(path)
+    except WeightsError:
+        raise
+    except Exception:  # reported when PyTorch reads it
+        return
 
 
 def _damaged(path: Path) -> WeightsError:

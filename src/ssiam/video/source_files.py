@@ -83,6 +83,7 @@ def _names_in(path: Path) -> list[str]:
             head = file.read(len(_FFCONCAT))
             is_list = head.startswith(_M3U) or head == _FFCONCAT
             text = file.read(_LONGEST_LIST).decode("utf-8", "replace") if is_list else ""
+            text = text.replace("\0", "")  # no file has such a name
     except OSError:  # reported when it is opened
         return []
     if head == _FFCONCAT:

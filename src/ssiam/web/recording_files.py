@@ -103,7 +103,7 @@ class RecordingMetadata:
 
         Raises
         ------
-        ValueError, TypeError, KeyError, AttributeError
+        ValueError, TypeError, KeyError, AttributeError, ArithmeticError
             It is damaged.
         """
         values = parse_json(text)
@@ -161,7 +161,7 @@ class RecordingFolder:
                 return None
             metadata = RecordingMetadata.from_json(path.read_text(encoding="utf-8"))
             return metadata if metadata.rate > 0 and metadata.frames >= 0 else None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, ZeroDivisionError):
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, ArithmeticError):
             return None
 
     def lock(self) -> bool:

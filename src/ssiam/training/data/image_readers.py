@@ -44,6 +44,7 @@ _VOC_CORNERS: Final = ("xmin", "ymin", "xmax", "ymax")
 _VOC_SAME_OBJECT: Final = 0.3  # IoU of an object's boxes in consecutive images of a video
 _VOC_MAX_FRAMES: Final = 2000  # of a linked track
 
+_COCO_MAX_SIDE: Final = 65536  # px of a mask
 _COCO_MAX_BYTES: Final = 1 << 30  # COCO's own training annotations have half of it
 
 # YOLO.
@@ -243,6 +244,8 @@ def _coco_outline(entry: Any, file: Path) -> Outline | None:
         return Polygons(tuple(ring.reshape(-1, 2).astype(np.float32) for ring in rings))
     counts = _coco_field(shape, "counts", (str, list), file)
     size = _coco_numbers(_coco_field(shape, "size", (list,), file), file)
+    if size.shape != (2,) or not ((size >= 0) & (size < _COCO_MAX_SIDE)).all():
+        raise DatasetError(f"{file}: an object has a mask of the size {str(size.tolist())[:40]}")
     height, width = size.astype(int).tolist()
     try:
         runs = (
@@ -256,7 +259,7 @@ def _coco_outline(entry: Any, file: Path) -> Outline | None:
 def _coco_numbers(values: Any, file: Path) -> NDArray[np.float64]:
     try:
         numbers = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DatasetError(f"{file}: {str(values)[:40]} are not numbers") from None
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise DatasetError(f"{file}: {str(values)[:40]} is not a list of finite numbers")

@@ -245,7 +245,7 @@ def _list(meta: dict[str, Any], key: str, count: int, path: Path) -> list[Any]:
 def _region(value: Any, path: Path) -> _Region:
     try:
         left, top, right, bottom, scale = map(float, value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DatasetError(f"{path}: {str(value)[:40]} is not a region and its scale") from None
     width, height = (right - left) * scale, (bottom - top) * scale
     if not (scale > 0 and 0 < width < math.inf and 0 < height < math.inf):

@@ -29,6 +29,7 @@ __all__ = ["SequenceSource", "read_davis", "read_mot", "read_youtube_vos"]
 _DAVIS_SIZES: Final = ("480p", "Full-Resolution", "1080p", "")
 
 _YOUTUBE_META: Final = "meta.json"
+_MAX_DIGITS: Final = 9  # of the number of an object
 _YOUTUBE_MAX_BYTES: Final = 1 << 27  # of meta.json
 
 _MOT_MIN_VISIBLE: Final = 0.4  # visible fraction below which an object counts as hidden
@@ -122,11 +123,15 @@ def _youtube_videos(meta: Path) -> dict[str, Any]:
     return videos
 
 
+def _is_object_number(word: str) -> bool:
+    return is_number_word(word) and len(word) <= _MAX_DIGITS
+
+
 def _youtube_tracks(
     video: str, entry: Any, meta: Path, images: Path, labels: Path
 ) -> list[LabelTrack]:
     objects = entry.get("objects") if isinstance(entry, dict) else None
-    if not isinstance(objects, dict) or not all(map(is_number_word, objects)):
+    if not isinstance(objects, dict) or not all(map(_is_object_number, objects)):
         raise DatasetError(f"{meta}: the video {video!r} has no numbered objects")
     folder = inside(images, video, meta)
     paths, label_paths = _labeled_images(folder, inside(labels, video, meta))
