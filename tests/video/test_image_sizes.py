@@ -50,6 +50,16 @@ def test_truncated_headers_have_no_size(suffix):
         assert len(declared_sizes(data[:length])) <= 1
 
 
+def test_a_png_chunk_that_is_longer_than_the_file_is_not_allocated(tmp_path):
+    data = bytearray(_encoded(".png"))
+    position = data.index(b"IDAT") - 4
+    data[position : position + 4] = struct.pack(">I", 2**31 - 1)
+    assert declared_sizes(bytes(data)) == []
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(SourceError, match=r"a\.png: cannot be read as an image"):
+        open_source(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.jpg"])
 def test_a_large_image_of_a_folder_is_refused(tmp_path, name):
     (tmp_path / name).write_bytes(_png_of(30_000, 20_000))

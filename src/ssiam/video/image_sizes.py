@@ -19,6 +19,7 @@ _TIFF_SIZES: Final = (256, 257)  # tags ImageWidth and ImageLength
 _TIFF_FORMATS: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}  # of unsigned integers
 _MAX_ENTRIES: Final = 4096  # of a TIFF's page; usual ones have less than 50
 _MAX_PAGES: Final = 1_000_000
+_MAX_SKIPPED: Final = 4096  # bytes between the segments of a JPEG
 # Markers of JPEG: frame headers (not DHT, JPG and DAC among them), and those without a length
 _JPEG_SIZES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_BARE: Final = frozenset((0x01, *range(0xD0, 0xD9)))
@@ -66,7 +67,7 @@ def declared_sizes(data: bytes | memoryview) -> list[tuple[int, int]]:
         if head[:3] == b"\xff\xd8\xff":
             return [_jpeg(data)]
         if head[:8] == b"\x89PNG\r\n\x1a\n":
-            return [struct.unpack(">II", head[16:24])]
+            return [_png(data)]
         if head[:2] == b"BM":
             return [_bmp(head)]
         if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
@@ -76,11 +77,24 @@ def declared_sizes(data: bytes | memoryview) -> list[tuple[int, int]]:
     return []
 
 
+def _png(data: bytes | memoryview) -> tuple[int, int]:
+    """The size; `IndexError` if a chunk is longer than the file: OpenCV would allocate it."""
+    offset = 8
+    while offset + 8 <= len(data):
+        (length,) = struct.unpack_from(">I", data, offset)
+        if length > len(data):
+            raise IndexError
+        offset += 12 + length
+    width, height = struct.unpack_from(">II", data, 16)
+    return width, height
+
+
 def _jpeg(data: bytes | memoryview) -> tuple[int, int]:
-    offset = 2
-    while True:
+    offset, skipped = 2, 0
+    while skipped <= _MAX_SKIPPED:
         if data[offset] != 0xFF:
             offset += 1  # decoders skip bytes between segments
+            skipped += 1
             continue
         marker = data[offset + 1]
         if marker == 0xFF or marker in _JPEG_BARE or marker == 0:
@@ -90,6 +104,7 @@ def _jpeg(data: bytes | memoryview) -> tuple[int, int]:
             height, width = struct.unpack_from(">HH", data, offset + 5)
             return width, height
         offset += 2 + max(struct.unpack_from(">H", data, offset + 2)[0], 2)
+    raise IndexError
 
 
 def _bmp(head: bytes) -> tuple[int, int]:

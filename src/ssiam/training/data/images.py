@@ -71,9 +71,10 @@ def read_unchanged(path: Path) -> tuple[bytes, NDArray[np.generic] | None]:
     """The bytes of an image file, and the image with all its channels; None if it is damaged."""
     try:
         encoded = np.fromfile(path, dtype=np.uint8)
-        for width, height in declared_sizes(encoded.tobytes()):
+        sizes = declared_sizes(encoded.tobytes())
+        for width, height in sizes:
             check_pixels(str(path), width, height)
-        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
+        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if sizes else None
     except (OSError, MemoryError, cv2.error):
         return b"", None
     return encoded.tobytes(), None if image is None else np.asarray(image)
