@@ -4,8 +4,9 @@ BIN := .venv/bin
 READY := .venv/.ready
 # The package alone, without PyTorch and development tools.
 PLAIN_READY := .venv-demo/.ready
+AUDIT_READY := .venv-audit/.ready
 
-.PHONY: install install-plain demo test lint docs mutation toolkit clean
+.PHONY: install install-plain demo test lint docs audit fuzz mutation toolkit clean
 
 install: $(READY)
 
@@ -36,6 +37,21 @@ lint: $(READY)
 docs: $(READY)
 	$(BIN)/mkdocs build --strict --quiet
 
+$(AUDIT_READY):
+	$(PYTHON) -m venv $(@D)
+	@$(@D)/bin/python -m pip install --quiet pip-audit \
+		|| { echo "audit: not done: pip-audit cannot be installed; is the network reachable?"; exit 2; }
+	@touch $@
+
+audit: $(READY) $(AUDIT_READY)
+	@.venv-audit/bin/python scripts/audit.py \
+		"$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_paths()["purelib"])')"
+
+# Minutes of damaged inputs: make fuzz MINUTES=30
+MINUTES ?= 10
+fuzz: $(READY)
+	OMP_WAIT_POLICY=PASSIVE $(BIN)/python scripts/fuzz.py $(MINUTES)
+
 mutation: $(READY)
 	$(BIN)/python scripts/mutation_sample.py
 
@@ -43,4 +59,4 @@ toolkit: $(READY)
 	$(BIN)/python scripts/official_toolkit.py
 
 clean:
-	rm -rf .venv .venv-demo demo-out site
+	rm -rf .venv .venv-audit .venv-demo demo-out site

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import ssiam
+from ssiam.errors import MissingExtraError
+from ssiam.motion import CameraMotion
 
 HEADLESS = "opencv_contrib_python_headless"
 
@@ -53,3 +55,18 @@ def test_an_opencv_without_the_contributed_trackers_is_named(monkeypatch, name):
     image = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
     with pytest.raises(ssiam.MissingExtraError, match=rf"has no {name}: .*force-reinstall"):
         tracker.init(image, (40, 30, 40, 40))
+
+
+def test_without_the_contributed_modules_only_what_needs_them_is_refused(monkeypatch):
+    for name in ("TrackerCSRT", "TrackerKCF", "BRISK", "xfeatures2d"):
+        monkeypatch.delattr(cv2, name, raising=False)
+    frame = np.zeros((60, 80, 3), np.uint8)
+    for name in ("csrt", "kcf"):
+        with pytest.raises(MissingExtraError, match=f"has no {name}: another OpenCV package"):
+            ssiam.load_tracker(name).init(frame, (10, 10, 30, 30))
+    with pytest.raises(MissingExtraError, match="has no BRISK: pip install"):
+        CameraMotion(keypoints="brisk").update(frame)
+    for name in ("lite", "mil"):
+        tracker = ssiam.load_tracker(name)
+        tracker.init(frame, (10, 10, 30, 30))
+        assert tracker.update(frame).box

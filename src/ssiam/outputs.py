@@ -6,6 +6,7 @@ import errno
 import os
 import re
 import shutil
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -24,6 +25,8 @@ Sink = TypeVar("Sink", bound="ClosedOnExit")
 
 _Identity: TypeAlias = tuple[object, ...]
 
+_READER_TIMEOUT = 5.0  # seconds until a named pipe must have a reader
+_READER_POLL = 0.02  # seconds
 _STANDARD_STREAMS = (1, 2)  # descriptors of standard output and standard error
 
 
@@ -215,6 +218,7 @@ class PartFile:
         except OSError as error:
             raise output_error(path, error) from error
         self._discarded = False
+        self._reader: int | None = _await_reader(path) if self._target is None else None
 
     @property
     def location(self) -> Path | None:
@@ -233,6 +237,7 @@ class PartFile:
         OSError
             It cannot be renamed; the part file and an older output are kept.
         """
+        self._release_reader()
         if self._target is None:
             return
         with self.file.open("r+b") as file:
@@ -247,11 +252,17 @@ class PartFile:
 
     def discard(self) -> None:
         """Remove the part file; does nothing after `finish`."""
+        self._release_reader()
         if self._target is None:
             return
         self._target, self._discarded = None, True
         with suppress(OSError):
             self.file.unlink()
+
+    def _release_reader(self) -> None:
+        if self._reader is not None:
+            os.close(self._reader)
+            self._reader = None
 
     def error(self, error: Exception) -> SinkError:
         """The error for a failure to write; it names the part file unless that is empty."""
@@ -259,6 +270,26 @@ class PartFile:
             if self._target is not None and self.file.stat().st_size:
                 return output_error(self.path, error, self.location)
         return output_error(self.path, error)
+
+
+def _await_reader(path: Path) -> int | None:
+    """Wait until a program reads a named pipe, which opening it would wait for without end.
+
+    Returns a descriptor that keeps the reader until the pipe is opened again; None for other files.
+    """
+    if not path.is_fifo():
+        return None
+    deadline = time.monotonic() + _READER_TIMEOUT
+    while True:
+        try:
+            return os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError as error:
+            if error.errno != errno.ENXIO or time.monotonic() > deadline:
+                reason = "no program reads this pipe" if error.errno == errno.ENXIO else None
+                raise SinkError(
+                    f"{path}: cannot be written ({reason or error.strerror}); start its reader"
+                ) from error
+        time.sleep(_READER_POLL)
 
 
 class ClosedOnExit(ABC):
@@ -285,10 +316,17 @@ class ClosedOnExit(ABC):
             self.close()
 
 
-def leftover_parts(path: Path) -> list[Path]:
-    """Part files of the output `path` from runs that were killed or are still running."""
+def leftover_parts(path: Path, *, hidden: bool = False) -> list[Path]:
+    """Part files of the output `path` from runs that were killed or are still running.
+
+    `hidden` is as for `PartFile`.
+    """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
-    name = re.compile(rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}")
+    name = re.compile(
+        rf"\.{re.escape(target.name)}\.part(-[0-9]+)?"
+        if hidden
+        else rf"{re.escape(target.stem)}\.part(-[0-9]+)?{re.escape(target.suffix)}"
+    )
     try:
         return sorted(each for each in target.parent.iterdir() if name.fullmatch(each.name))
     except OSError:

@@ -1,5 +1,6 @@
 """`ssiam train` with missing inputs; complete runs are in tests/training."""
 
+import os
 import subprocess
 import sys
 
@@ -38,3 +39,35 @@ def test_invalid_config_gives_one_line_error(tmp_path, monkeypatch, capsys, cont
     error = capsys.readouterr().err
     assert named in error
     assert error.count("\n") == 1
+
+
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+from ssiam.outputs import atomic_write
+from ssiam.runtime.manifest import atomic_export
+folder = Path(sys.argv[1])
+with atomic_export(folder), atomic_write(folder / "checkpoint.pth", "wb", hidden=True) as file:
+    file.write(bytes(10))
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+def test_leftovers_of_a_killed_run_are_listed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lite.toml").write_text('[[sources]]\nlayout = "davis"\npath = "missing"\n')
+    folder = tmp_path / "runs" / "lite"
+    folder.mkdir(parents=True)
+    assert main(["train", "lite.toml"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    subprocess.run([sys.executable, "-c", _KILLED, str(folder)], timeout=60)
+    export = next(folder.glob(".export-*"))
+    (folder / ".checkpoint.pth.4711").touch()  # as earlier versions called them
+    (folder / "checkpoint.pth.old").touch()
+    assert main(["train", "lite.toml"]) == 2
+    *listed, error = capsys.readouterr().err.splitlines()
+    assert "missing" in error
+    names = (".checkpoint.pth.part", ".checkpoint.pth.4711", export.name)
+    assert [line.split()[1].rpartition("/")[2] for line in listed] == list(names)
+    assert all("killed or is still running; it is kept" in line for line in listed)

@@ -93,3 +93,43 @@ def test_wrong_arguments_give_one_line_error(results, capsys, arguments, message
     assert message in error
     assert error.count("\n") == 1
     assert results.read_bytes() == before
+
+
+def test_frames_of_hours_in_a_few_rows_need_an_option(tmp_path, capsys):
+    row = (tmp_path / "r.csv").read_text().splitlines()[1].split(",")
+    with (tmp_path / "r.csv").open("a") as file:
+        file.write(",".join(["999999", *row[1:]]) + "\n")
+    assert main(["export", "r.csv", "--to", "coco", *PLAIN]) == 2
+    assert "1000000 frames: if the video has as many, give --max-frames" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert main(["export", "r.csv", "--to", "cvat", *PLAIN, "--max-frames", "1000000"]) == 0
+
+
+def test_many_targets_of_few_rows_are_as_many_frames(tmp_path, capsys):
+    row = (tmp_path / "r.csv").read_text().splitlines()[1].split(",")
+    with (tmp_path / "r.csv").open("a") as file:
+        for target in range(3, 20):
+            file.write(",".join(["99998", row[1], str(target), *row[3:]]) + "\n")
+    assert main(["export", "r.csv", "--to", "got10k", *PLAIN]) == 2
+    assert "of 19 targets, but 99999 frames" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--fps", "--size"])
+@pytest.mark.parametrize("value", ["1e99999999", "9" * 5000, f"{'9' * 400}x5", "0x5", "1/0"])
+def test_endless_numbers(capsys, option, value):
+    name = option.removeprefix("--")
+    assert main(["export", *COCO, *changed(**{name: value})]) == 2
+    assert len(capsys.readouterr().err) < 200
+
+
+def test_file_names_that_xml_cannot_hold(tmp_path):
+    name = "a\x01b\udce9.mp4"
+    write_clip(tmp_path / name, 3)
+    arguments = ["export", "r.csv", "--video", name]
+    for kind in ("cvat", "coco", "labelstudio", "got10k"):
+        assert main([*arguments, "--to", kind, "--out", f"out.{kind}"]) == 0
+    root = ElementTree.parse(tmp_path / "out.cvat").getroot()
+    assert root.findtext("meta/task/name") == "a\ufffdb\ufffd.mp4"
+    assert json.loads((tmp_path / "out.labelstudio").read_text())[0]["data"]["video"].endswith(
+        "mp4"
+    )

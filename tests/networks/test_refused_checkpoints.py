@@ -161,3 +161,39 @@ def refusal(path):
     assert message.startswith(f"weights {path} ")
     assert "\n" not in message
     return message
+
+
+def test_an_altered_table_of_contents(tmp_path):
+    path = save_checkpoint(tmp_path / "model.pth", {"a.weight": torch.zeros(50)}, zipped=True)
+    data = bytearray(path.read_bytes())
+    for offset in (0, 8, 42):  # the magic number, flags and position of the first entry
+        altered = data.copy()
+        altered[data.index(b"PK\x01\x02") + offset] ^= 0xFF
+        path.write_bytes(altered)
+        assert " are " in refusal(path)
+
+
+@pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
+def test_any_altered_byte_is_one_error(tmp_path, zipped):
+    path = save_checkpoint(tmp_path / "model.pth", {"a.weight": torch.zeros(50)}, zipped=zipped)
+    data = path.read_bytes()
+    for position in range(0, len(data), 17):
+        path.write_bytes(data[:position] + bytes([data[position] ^ 0x55]) + data[position + 1 :])
+        assert "weights" in refusal(path)
+
+
+def test_compressed_content_is_refused_before_it_is_read(tmp_path):
+    stored = save_checkpoint(tmp_path / "a.pth", {"a.weight": torch.zeros(10**6)}, zipped=True)
+    path = tmp_path / "model.pth"
+    compressed = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED)
+    with zipfile.ZipFile(stored) as source, compressed as target:
+        for entry in source.infolist():
+            target.writestr(entry.filename, source.read(entry))
+    assert "are compressed: " in refusal(path)
+
+
+def test_weights_without_plain_numbers(tmp_path):
+    state = constant_state(ALEX)
+    state[HEAD] = torch.zeros(20, device="meta")
+    path = save_checkpoint(tmp_path / "model.pth", state)
+    assert f"hold no plain numbers for {HEAD}" in refusal(path)

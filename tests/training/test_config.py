@@ -29,6 +29,16 @@ def test_values_of_the_example_config():
     ("text", "message"),
     [
         pytest.param("steps = ", "not valid TOML", id="no TOML"),
+        pytest.param("steps = " + "9" * 5000, "number of too many digits", id="digits"),
+        pytest.param("steps = " + "[" * 5000, "nested too deeply", id="deep"),
+        pytest.param("a = " + "{b=" * 5000, "not valid TOML", id="deep tables"),
+        pytest.param(f"steps = 0x{'f' * 5000}\n{SOURCE}", "of 20000 bits", id="hexadecimal"),
+        pytest.param(f"steps = [0x{'f' * 5000}]\n{SOURCE}", "steps is a list", id="list"),
+        pytest.param(
+            f"[optimiser]\nlr = {'9' * 400}\n{SOURCE}",
+            "optimiser.lr is an integer of 1329",
+            id="no float",
+        ),
         pytest.param("", "sources is missing", id="no sources"),
         pytest.param(f"stpes = 3\n{SOURCE}", "unknown key stpes; did you mean steps?", id="typo"),
         pytest.param(

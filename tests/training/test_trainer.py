@@ -26,6 +26,7 @@ from ssiam.training.checkpoints import (  # noqa: E402
     write_network_so_far,
     write_pth,
 )
+from ssiam.training.metrics import Metrics  # noqa: E402
 from ssiam.training.settings import (  # noqa: E402
     HeldOut,
     NetworkSettings,
@@ -101,6 +102,28 @@ def test_a_full_disk_keeps_the_previous_checkpoint_and_network(tmp_path, small_f
         write_network(LiteNetwork().eval(), tmp_path)
     assert len(list(tmp_path.iterdir())) == 4
     assert {path.read_text() for path in tmp_path.iterdir()} == {"previous"}
+
+
+def test_a_full_disk_while_metrics_are_written_is_one_error(tmp_path, small_files):
+    def write():
+        with Metrics(tmp_path) as metrics:
+            for step in range(2000):
+                metrics.write(step, {"loss": 0.5})
+
+    message = r"metrics\.csv: cannot be written \(File too large\)"
+    with pytest.raises(SinkError, match=message) as caught:
+        write()
+    assert len(str(caught.value).splitlines()) == 1
+    assert [step for step, _ in rows(tmp_path)][:3] == [0, 1, 2]
+
+
+def test_damaged_rows_of_metrics_are_left_out(tmp_path):
+    good = "step,name,value\n1,loss,0.5\n"
+    odd = "²,loss,1\n" + "9" * 5000 + ',loss,1\n"open,loss,\n\0,\0,\0\n'
+    (tmp_path / "metrics.csv").write_bytes((good + odd).encode() + b"\xff,a,b\n")
+    with Metrics(tmp_path, 10):
+        pass
+    assert (tmp_path / "metrics.csv").read_text() == good
 
 
 def test_metrics_and_validation_are_written(finished):

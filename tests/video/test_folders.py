@@ -29,6 +29,13 @@ def test_natural_order_and_times(tmp_path):
     assert [frame.time for frame in frames] == pytest.approx([i / 30 for i in range(6)])
 
 
+@pytest.mark.parametrize("name", ["area2²{}.png", "1①{}.png", "٣{}.png", "{}१.png"])
+def test_digits_of_other_scripts_are_letters(tmp_path, name):
+    _write_images(tmp_path / "seq", [name.format(number) for number in range(3)])
+    with open_source(tmp_path / "seq") as source:
+        assert [number_in(frame.image) for frame in source] == [0, 1, 2]
+
+
 def test_all_image_types_and_no_other_files(tmp_path):
     folder = tmp_path / "seq"
     _write_images(folder, ["1.JPG", "2.jpeg", "3.png", "4.bmp", "5.tif", "6.TIFF", "7.webp"])

@@ -17,7 +17,6 @@ import pytest
 from helpers.video_clips import NTSC, numbered_image, python, read_all, write_clip, y4m
 from ssiam.errors import SourceError, StreamError
 from ssiam.video import open_source
-from ssiam.video.sources import redact_address
 
 _READ_STDIN = """
 import json, sys
@@ -172,18 +171,3 @@ def test_errors_for_addresses_contain_no_secret(tmp_path):
             assert "127.0.0.1" in str(caught.value)
             assert "hunter2" not in str(caught.value)
             assert caught.value.__suppress_context__
-
-
-NAMES = [
-    ("rtsp://cam/live", "rtsp://cam/live"),
-    ("rtsp://u:p@cam:554/live", "rtsp://cam:554/live"),
-    ("rtsp://u:p@ss@cam/live", "rtsp://cam/live"),
-    ("rtsp://u:p/w@cam/live", "rtsp://cam/live"),
-    ("http://cam/live?user=u&pwd=p#x", "http://cam/live"),
-    ("http://cam?pwd=a@b", "http://cam"),
-]
-
-
-@pytest.mark.parametrize(("address", "redacted"), NAMES, ids=[n[0] for n in NAMES])
-def test_redact_address(address, redacted):
-    assert redact_address(address) == redacted

@@ -28,6 +28,7 @@ from ssiam.evaluation.runs.bench import Task, TaskResult, run_all, tasks
 from ssiam.evaluation.runs.entries import entries
 from ssiam.evaluation.runs.protocols import ProtocolName
 from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
+from ssiam.runtime.network import max_threads
 from ssiam.stabilize import METHODS
 
 _RUNS_GROUP = Group("Runs", sort_key=1)
@@ -122,8 +123,8 @@ def bench(
     threads
         CPU threads per run.
     """
-    if jobs < 1 or threads < 1:
-        raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be at least 1")
+    if not (1 <= jobs <= max_threads() and 1 <= threads <= max_threads()):
+        raise ArgumentError(f"--jobs {jobs} --threads {threads}: both must be 1 to {max_threads()}")
     options = RuntimeOptions(runtime, threads, precision, device)
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")

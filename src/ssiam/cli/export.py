@@ -14,9 +14,12 @@ from ssiam.cli.options import report_leftover_parts, split_words
 from ssiam.errors import ArgumentError
 from ssiam.exchange import CvatShape, ExportKind, read_annotations, timeline, write_exports
 from ssiam.outputs import check_distinct, check_output, is_stream, leftover_parts
+from ssiam.parsing import parse_rate
 from ssiam.video import open_source
 from ssiam.video.images import image_paths
 from ssiam.video.source_files import check_distinct_from_source
+
+_MAX_SIDE = 65535  # px of a frame, the limit of JPEG
 
 
 def export(
@@ -34,6 +37,7 @@ def export(
     step: int = 1,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     stream: int | None = None,
+    max_frames: int | None = None,
 ) -> None:
     """Export the results of ssiam track to the format of an annotation tool.
 
@@ -70,6 +74,9 @@ def export(
         pixels.
     overwrite
         Replace an existing file; without this option ssiam does not start.
+    max_frames
+        Accept results up to this many frames. By default those of a few lines may not have
+        frame numbers of hours, which would make files of a hundred times their size.
     """
     inputs = [("results", results)]
     if video is None:
@@ -81,7 +88,7 @@ def export(
     video_info = _video_info(video, size, fps, stream)
     target_names = None if names is None else split_words(names)
     annotations = replace(
-        read_annotations(results, video_info.size_wh, video_info.fps, target_names),
+        read_annotations(results, video_info.size_wh, video_info.fps, target_names, max_frames),
         image_names=video_info.image_names,
     ).every(start, step)
     needs_masks = to == "labelstudio-brush" or shape in ("polygon", "mask")
@@ -136,17 +143,20 @@ def _image_names(video: Path) -> tuple[str, ...]:
 def _size(text: str) -> tuple[int, int]:
     try:
         width, height = (int(number) for number in text.split("x"))
+        if max(abs(width), abs(height)) > _MAX_SIDE:
+            raise ValueError
     except ValueError:
         raise ArgumentError(
-            f"--size {text!r} is not a size: give pixels, such as 1280x720"
+            f"--size {text[:40]!r} is not a size: give pixels, such as 1280x720"
         ) from None
     return width, height
 
 
 def _rate(text: str) -> Fraction:
     try:
-        return Fraction(text)
-    except (ValueError, ZeroDivisionError):
+        return parse_rate(text)
+    except ValueError:
         raise ArgumentError(
-            f"--fps {text!r} is not a frame rate: give frames per second, such as 30 or 30000/1001"
+            f"--fps {text[:40]!r} is not a frame rate: give frames per second, such as 30 or "
+            "30000/1001"
         ) from None

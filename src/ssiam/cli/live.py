@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from cyclopts import Group, Parameter
 
+from ssiam.addresses import display_name
 from ssiam.cli.boxes import box_files, parse_boxes
 from ssiam.cli.live_headless import InitialTargets, open_when_there, run_headless
 from ssiam.cli.moments import PlannedTarget
@@ -245,9 +246,10 @@ def _check_headless(
     if source == BROWSER:
         raise ArgumentError("the source browser needs the page: omit --headless")
     if not targets:
+        name = display_name(source)
         raise ArgumentError(
-            f"{source}: --headless needs a target: give --box x,y,width,height, which ssiam track "
-            f"{source} --pick proposes, or omit --headless to draw it on the page"
+            f"{name}: --headless needs a target: give --box x,y,width,height, which ssiam track "
+            f"{name} --pick proposes, or omit --headless to draw it on the page"
         )
     if outputs.recordings is not None:
         raise ArgumentError("--recordings is for recording from the page: give --out and --results")

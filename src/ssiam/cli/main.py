@@ -12,6 +12,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError, Group
 
 from ssiam import __version__
+from ssiam.addresses import redact_words
 from ssiam.cli.box_words import join_box_words
 from ssiam.errors import IncompleteError, SsiamError, StreamError
 
@@ -58,25 +59,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _terminate)
     words = join_box_words(sys.argv[1:] if arguments is None else arguments)
-    if words == ["--version"]:  # cyclopts prints it too, but imports rich for it
-        print(__version__)
-        return SUCCESS
-    if not words or words[0] in app.help_flags:
-        app.resolved_commands()  # the overview shows the first line of each command's help
     try:
-        app(words)
+        _run(words)
     except CycloptsError as error:
-        return _fail(f"{error} See ssiam --help.", USAGE_ERROR)
+        return _fail(f"{error} See ssiam --help.", USAGE_ERROR, words)
     except (StreamError, IncompleteError) as error:
-        return _fail(str(error), INCOMPLETE)
+        return _fail(str(error), INCOMPLETE, words)
     except SsiamError as error:
-        return _fail(str(error), USAGE_ERROR)
+        return _fail(str(error), USAGE_ERROR, words)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return SUCCESS
+    except OSError as error:
+        if error.filename is not None:  # not of a stream that was open
+            raise
+        _discard_output()
+        reason = error.strerror or type(error).__name__
+        return _fail(f"standard output: cannot be written ({reason})", USAGE_ERROR, words)
     return SUCCESS
+
+
+def _run(words: list[str]) -> None:
+    """Run a command, and write out what it prints."""
+    if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
+        # Names of files may have bytes that are no characters, or not those of the terminal.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    if words == ["--version"]:  # cyclopts prints it too, but imports rich for it
+        print(__version__)
+    else:
+        if not words or words[0] in app.help_flags:
+            app.resolved_commands()  # the overview shows the first line of each command's help
+        app(words)
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _discard_output() -> None:
+    """Discard what standard output still holds, so that closing it does not fail."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -84,6 +106,6 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
 
 
-def _fail(message: str, code: int) -> int:
-    print(f"ssiam: {' '.join(message.split())}", file=sys.stderr)
+def _fail(message: str, code: int, words: list[str]) -> int:
+    print(f"ssiam: {' '.join(redact_words(message, words).split())}", file=sys.stderr)
     return code

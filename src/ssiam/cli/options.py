@@ -15,7 +15,7 @@ from cyclopts import Group, Parameter
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.outputs import NamedPath, check_distinct
-from ssiam.runtime import DeviceName, Precision, RuntimeName
+from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
 from ssiam.trackers import DEFAULT_TRACKER, TRACKERS, StabilizedTracker, TrackerName, load_tracker
 
@@ -81,6 +81,7 @@ class TrackerOptions:
 
     def load(self, config: StabilizerConfig) -> StabilizedTracker:
         """The tracker, stabilized according to `config`; raises as `load_tracker`."""
+        RuntimeOptions(threads=self.threads)  # raises, before so many threads start
         cv2.setNumThreads(self.threads)
         return load_tracker(
             self.tracker,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from ssiam.addresses import display_name
 from ssiam.cli.boxes import box_files, parse_boxes
 from ssiam.cli.moments import Span, moment_option
 from ssiam.cli.options import (
@@ -31,6 +31,7 @@ from ssiam.cli.track_run import DEFAULT_VIDEO, SourceOptions, TrackJob, run_trac
 from ssiam.cli.track_views import OUTPUT_GROUP, VideoOptions
 from ssiam.errors import ArgumentError
 from ssiam.exchange import Keyframe, read_annotations, read_corrections
+from ssiam.parsing import parse_rate
 from ssiam.video import RawFormat
 from ssiam.video.reversing import check_reversible
 
@@ -170,7 +171,7 @@ def track(
             if text is not None
             for value in (name, text)
         ]
-        pick_boxes(options, span, _stem(source), ["ssiam", "track", source, *words])
+        pick_boxes(options, span, _stem(source), ["ssiam", "track", display_name(source), *words])
         return
     if previous is not None and corrections is None:
         raise ArgumentError(f"--previous {previous} is compared with --corrections: give both")
@@ -233,15 +234,15 @@ def _raw_format(text: str | None) -> RawFormat | None:
     try:
         size, pixel_format, fps = text.split(",")
         width, height = (int(number) for number in size.split("x"))
-        return RawFormat((width, height), pixel_format, Fraction(fps))
-    except (ValueError, ZeroDivisionError):
+        return RawFormat((width, height), pixel_format, parse_rate(fps))
+    except ValueError:
         raise ArgumentError(
-            f"--raw {text!r} is not a raw format: give size, pixel format and rate, "
+            f"--raw {text[:80]!r} is not a raw format: give size, pixel format and rate, "
             "such as 640x360,bgr24,30"
         ) from None
 
 
 def _stem(source: str) -> str:
     """Base name of outputs: name of the file or folder, index of the camera, or "stream"."""
-    stem = Path(source.split("?")[0]).stem if "://" not in source else ""
+    stem = Path(source.split("?")[0]).stem if display_name(source) == source else ""
     return stem if stem not in ("", "-") else "stream"

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ssiam.addresses import display_name, is_address
 from ssiam.cli.moments import PlannedTarget
 from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_corrections import run_corrected
@@ -21,7 +22,7 @@ from ssiam.target_start import TargetStart
 from ssiam.video import Frame
 from ssiam.video.results import STDOUT
 from ssiam.video.reversing import check_reversible
-from ssiam.video.sources import STDIN, camera_index, is_address
+from ssiam.video.sources import STDIN, camera_index
 
 if TYPE_CHECKING:
     from ssiam.web.picking.page import PickPage
@@ -79,7 +80,9 @@ def choose_and_track(
     ) as page:
         is_opened = open_in_browser(page.address)
         if not is_opened and not sys.stderr.isatty():
-            raise ArgumentError(f"{source}: no target is given, and no browser: {_OTHER_WAYS}")
+            raise ArgumentError(
+                f"{display_name(source)}: no target is given, and no browser: {_OTHER_WAYS}"
+            )
         print(f"ssiam: choose the targets at {page.address} (Ctrl-C ends)", file=sys.stderr)
         if "SSH_CONNECTION" in os.environ and not is_opened:
             port = page.port

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from types import TracebackType
 
@@ -42,7 +42,7 @@ DEFAULT_VIDEO = VideoOptions()
 class SourceOptions:
     """A source and how it is opened; the fields are the arguments of `open_source`."""
 
-    spec: str
+    spec: str = field(repr=False)
     raw: RawFormat | None = None
     stream: int | None = None
     levels: tuple[float, float] | None = None

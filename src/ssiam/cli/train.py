@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ssiam.cli.options import report_leftover_parts
 from ssiam.errors import MissingExtraError
 
 
@@ -27,7 +28,12 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         import ssiam.networks  # noqa: F401
     except MissingExtraError as error:
         raise MissingExtraError("training needs PyTorch: pip install 'ssiam[train]'") from error
-    from ssiam.training.checkpoints import CHECKPOINT, check_run_outputs, write_network_so_far
+    from ssiam.training.checkpoints import (
+        CHECKPOINT,
+        check_run_outputs,
+        leftovers,
+        write_network_so_far,
+    )
     from ssiam.training.config import read_config
     from ssiam.training.trainer import train as run
     from ssiam.training.trainer import training_batches
@@ -42,6 +48,7 @@ def train(config: Path, /, *, out: Path | None = None, so_far: Path | None = Non
         print(f"{so_far}: {step} of {settings.steps} steps")
         return
     check_run_outputs(settings, "--out", folder, inputs)
+    report_leftover_parts(leftovers(folder))
     run(settings, training_batches(settings), folder, _print_metrics)
 
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path, PurePosixPath
 
 from ssiam.errors import DatasetError
+from ssiam.parsing import is_number_word
 from ssiam.video.images import image_paths
 
 # Bytes. The longest sequences in use, with 30,000 frames, need less than half.
@@ -90,7 +91,7 @@ def images_in(folder: Path) -> tuple[Path, ...]:
 
 def numbered(images: tuple[Path, ...]) -> dict[int, Path]:
     """Images by number (00042.jpg: 42), without those that have other names."""
-    with_number = (path for path in images if path.stem.isascii() and path.stem.isdigit())
+    with_number = (path for path in images if is_number_word(path.stem))
     return {int(path.stem): path for path in with_number}
 
 

@@ -13,6 +13,7 @@ from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, images_in
 from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
 from ssiam.datasets.sequence import VideoSequence
+from ssiam.parsing import is_number_word
 
 EXPECTS = "groundtruth.txt, full_occlusion.txt and img/ in each CLASS/CLASS-1"
 SPLITS = ("train", "test")
@@ -55,7 +56,7 @@ def read_lasot(folder: Path, as_published: bool = False) -> VideoSequence:
 
 def _split(name: str) -> str:
     kind, _, number = name.rpartition("-")
-    is_test = number.isascii() and number.isdigit() and int(number) in TEST_SPLIT.get(kind, ())
+    is_test = is_number_word(number) and int(number) in TEST_SPLIT.get(kind, ())
     return "test" if is_test else "train"
 
 

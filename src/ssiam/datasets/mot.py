@@ -34,6 +34,7 @@ from ssiam.datasets.files import (
 from ssiam.datasets.ground_truth import to_zero_based
 from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
+from ssiam.parsing import is_number_word
 
 EXPECTS = "gt/gt.txt and img1/ in each clip's folder"
 
@@ -279,6 +280,6 @@ def _info(path: Path) -> Mapping[str, str]:
 
 def _size_wh(info: Mapping[str, str]) -> tuple[int, int] | None:
     sides = [info.get(key, "") for key in ("imwidth", "imheight")]
-    if not all(side.isascii() and side.isdigit() and 0 < len(side) < 7 for side in sides):
+    if not all(is_number_word(side) and 0 < len(side) < 7 for side in sides):
         return None
     return int(sides[0]), int(sides[1])

@@ -6,7 +6,6 @@ results are scored without them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -20,6 +19,7 @@ from ssiam.datasets.files import check_counts, inside, read_text
 from ssiam.datasets.ground_truth import stack_rows
 from ssiam.datasets.sequence import VideoSequence
 from ssiam.errors import DatasetError
+from ssiam.parsing import parse_json
 
 EXPECTS = "a .json with img_names and gt_rect of each sequence"
 
@@ -44,8 +44,8 @@ def sequences_in_file(path: Path) -> Readers:
         It is not JSON, or has another form.
     """
     try:
-        records = json.loads(read_text(path, _MAX_BYTES))
-    except (ValueError, RecursionError):
+        records = parse_json(read_text(path, _MAX_BYTES))
+    except ValueError:
         raise DatasetError(f"{path}: is not JSON, or is truncated; get it again") from None
     if not isinstance(records, dict) or not records or not all(map(_is_record, records.values())):
         raise DatasetError(f"{path}: expected {EXPECTS}; get one of pysot's files")

@@ -13,6 +13,7 @@ from ssiam.datasets.dataset import Options, Readers
 from ssiam.datasets.files import check_counts, image_folder, images_in, inside, read_text
 from ssiam.datasets.ground_truth import read_boxes, read_flags
 from ssiam.datasets.sequence import VideoSequence
+from ssiam.parsing import is_number_word
 
 EXPECTS = "groundtruth.txt in each sequence's folder, with the images in it or in its color/"
 
@@ -68,6 +69,6 @@ def _frames_folder(folder: Path, settings: dict[str, str]) -> Path:
 
 def _size_wh(settings: dict[str, str]) -> tuple[int, int] | None:
     values = [settings.get(key, "") for key in ("width", "height")]
-    if not all(value.isascii() and value.isdigit() and len(value) < 7 for value in values):
+    if not all(is_number_word(value) and len(value) < 7 for value in values):
         return None
     return int(values[0]), int(values[1])

@@ -144,8 +144,7 @@ class Annotations:
 
     def name(self, target: int) -> str:
         """The target's name, without unprintable characters, which some formats cannot hold."""
-        printable = "".join(c if c.isprintable() else "\ufffd" for c in self.names[target - 1])
-        return printable or f"target {target}"
+        return printable(self.names[target - 1]) or f"target {target}"
 
     def tracks(self) -> dict[int, list[Annotation]]:
         """Rows by target, sorted by target and frame."""
@@ -153,6 +152,14 @@ class Annotations:
         for row in sorted(self.rows, key=lambda row: (row.target, row.frame)):
             found.setdefault(row.target, []).append(row)
         return found
+
+
+def printable(text: str) -> str:
+    """The text with replaced control characters and bytes that are no characters.
+
+    XML and JSON files cannot hold them; names of files can.
+    """
+    return "".join(each if each.isprintable() else "\ufffd" for each in text)
 
 
 def annotation_from_track(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, check_choice
-from ssiam.exchange.annotations import Annotations
+from ssiam.exchange.annotations import Annotations, printable
 from ssiam.exchange.brush import write_brush
 from ssiam.exchange.coco import write_coco
 from ssiam.exchange.cvat import CVAT_SHAPES, CvatShape, write_cvat
@@ -68,10 +68,11 @@ def write_exports(
         The kind is unknown, or a shape is given for another kind than "cvat".
     """
     write = _WRITERS[check_choice("kind of export", kind, EXPORT_KINDS)]
+    name = printable(video)
     if shape is not None:
         if kind != "cvat":
             raise ArgumentError(f"a shape is chosen for cvat alone: omit {shape} for {kind}")
         check_choice("shape", shape, CVAT_SHAPES)
-        write_cvat(annotations, Path(path), video, overwrite, shape)
+        write_cvat(annotations, Path(path), name, overwrite, shape)
         return
-    write(annotations, Path(path), video, overwrite)
+    write(annotations, Path(path), name, overwrite)

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
+from ssiam.parsing import parse_json
 from ssiam.video.mask_codec import decode_mask
 from ssiam.video.results import COLUMNS, MASK_COLUMN
 
@@ -32,6 +33,8 @@ _LONGEST_VALUE: Final = 40  # characters of a bad value that a message quotes
 # Exports contain one line per frame up to the last one.
 _LAST_FRAME: Final = 999_999
 _LAST_TARGET: Final = 1000
+_FREE_FRAMES: Final = 100_000  # an hour at 30 frames per second
+_FRAMES_PER_ROW: Final = 1000
 
 
 def read_annotations(
@@ -39,6 +42,7 @@ def read_annotations(
     size_wh: tuple[int, int],
     fps: float | Fraction,
     names: Sequence[str] | None = None,
+    max_frames: int | None = None,
 ) -> Annotations:
     """Read a .csv or .jsonl file written by ``ssiam track --results``.
 
@@ -52,6 +56,9 @@ def read_annotations(
         Frames per second.
     names : sequence of str, optional
         One per target; "target 1", "target 2", ... by default.
+    max_frames : int, optional
+        The most frames of the video. By default 100,000 and 1000 for each row, and as many
+        frames of all targets together: exports contain every frame up to the last one.
 
     Returns
     -------
@@ -80,8 +87,23 @@ def read_annotations(
         raise ArgumentError(
             f"{len(names)} names for the {targets} targets of {path}: give one name per target"
         )
+    _check_frames(path, rows, max_frames)
     named = [f"target {i}" for i in range(1, targets + 1)] if names is None else names
     return Annotations(size_wh, fps, tuple(named), tuple(rows.values()))
+
+
+def _check_frames(
+    path: str | Path, rows: Mapping[tuple[int, int], Annotation], max_frames: int | None
+) -> None:
+    """Refuse frame numbers that would make exports much larger than the file."""
+    frames = 1 + max((frame for frame, _ in rows), default=-1)
+    targets = len({target for _, target in rows})
+    limit = _FREE_FRAMES + _FRAMES_PER_ROW * len(rows)
+    if frames > max_frames if max_frames is not None else frames * targets > limit:
+        raise AnnotationsError(
+            f"{path}: {len(rows)} rows of {targets} targets, but {frames} frames: if the video has "
+            f"as many, give --max-frames {frames}"
+        )
 
 
 def _annotation(record: _Record, mask: str | None, size_wh: tuple[int, int]) -> Annotation:
@@ -193,7 +215,7 @@ def _csv_values(columns: Sequence[str], line: str) -> _Line:
 
 
 def _json_values(line: str) -> _Line:
-    values = json.loads(line)
+    values = parse_json(line)
     if not isinstance(values, dict):
         raise ValueError("is not a JSON object")
     missing = [name for name in _REQUIRED if name not in values]

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.errors import MissingExtraError
 from ssiam.geometry import Image
 from ssiam.motion.fit import FitName, fit_motion
 from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
@@ -182,8 +183,13 @@ def _orb() -> Any:
 
 def _brisk() -> Any:
     """BRISK; OpenCV 5 moved it to the contributed modules."""
-    contributed: Any = cv2.xfeatures2d
-    brisk = getattr(cv2, "BRISK", None) or contributed.BRISK
+    contributed: Any = getattr(cv2, "xfeatures2d", None)
+    brisk = getattr(cv2, "BRISK", None) or getattr(contributed, "BRISK", None)
+    if brisk is None:
+        raise MissingExtraError(
+            f"this OpenCV {cv2.__version__} has no BRISK: pip install --force-reinstall "
+            "opencv-contrib-python-headless (docs/how-to/install.md)"
+        )
     return brisk.create(_BRISK_THRESHOLD)
 
 

@@ -15,14 +15,18 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import (
     IDENTITY,
     Transform,
+    corners_from_xywh,
     finite_array,
     frame_center,
+    map_points,
     rigid_parameters,
     short_repr,
 )
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; larger is a scene cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames
+_MAX_ENTRY: Final = 1e12  # of a transform's matrix; products of four are finite
+_MAX_DISTANCE: Final = 1000.0  # of a mapped corner from the origin, in longer sides of the frame
 _MIN_DETERMINANT: Final = 1e-9  # of an invertible transform
 
 
@@ -70,7 +74,8 @@ class Motion:
         Raises
         ------
         ArgumentError
-            The array has another shape, is not finite or cannot be inverted.
+            The array has another shape, is not finite or cannot be inverted, or it or its inverse
+            moves a corner of the frame by more than a thousand frames, or to infinity.
         """
         matrix = finite_array(cur_from_prev)
         if matrix is not None and matrix.shape == (2, 3):
@@ -78,11 +83,19 @@ class Motion:
         if (
             matrix is None
             or matrix.shape != (3, 3)
+            or not np.abs(matrix).max() < _MAX_ENTRY
             or abs(np.linalg.det(matrix)) < _MIN_DETERMINANT
         ):
             raise ArgumentError(
                 f"motion is {short_repr(cur_from_prev)}: give an invertible (3, 3) or (2, 3) "
                 "transform of pixels"
+            )
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        if not (_keeps_frame(matrix, size_wh) and _keeps_frame(inverse, size_wh)):
+            width, height = size_wh
+            raise ArgumentError(
+                f"motion {short_repr(matrix.tolist())} moves frames of {width}x{height} pixels out "
+                "of all bounds: give the motion between two frames of a video"
             )
         return cls(matrix / matrix[2, 2] if matrix[2, 2] else matrix, 1.0, True, size_wh)
 
@@ -171,6 +184,17 @@ class Motion:
         dx, dy, angle = self.shift_angle
         unreliable = "" if self.reliable else ", reliable=False"
         return f"Motion(dx={dx:.1f}, dy={dy:.1f}, angle={angle:.4f}{unreliable})"
+
+
+def _keeps_frame(to_from_from: Transform, size_wh: tuple[int, int]) -> bool:
+    """Whether the corners of a frame stay in front of the camera, and within a wide area."""
+    corners = corners_from_xywh((0.0, 0.0, *map(float, size_wh)))
+    weights = corners @ to_from_from[2, :2] + to_from_from[2, 2]
+    if not ((weights > 0).all() or (weights < 0).all()):
+        return False
+    with np.errstate(over="ignore", invalid="ignore"):
+        far = np.abs(map_points(to_from_from, corners)).max()
+    return bool(far <= _MAX_DISTANCE * max(size_wh))
 
 
 def as_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:

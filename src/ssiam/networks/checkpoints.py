@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import pickletools
 import re
-import struct
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -29,6 +29,11 @@ __all__ = [
     "read_torch_file",
 ]
 
+_LEGACY_PICKLES: Final = 5  # before the numbers of a file in the legacy format
+# Operations of pickles that name code or other objects; names of Python's have less than 100
+_NAMING: Final = frozenset({"GLOBAL", "INST", "PERSID", "STACK_GLOBAL"})
+_MAX_NAME: Final = 300  # characters
+_MAX_KEY: Final = 40  # characters of a key that a message quotes
 _WRAPPERS: Final = ("state_dict", "model")  # keys under which training scripts store the weights
 
 # Training checkpoints may hold NumPy scalars, such as the best accuracy. Unpickling these globals
@@ -38,12 +43,6 @@ _NUMBERS: Final[list[Any]] = [
     *[(_SCALAR, f"numpy.{core}.multiarray.scalar") for core in ("core", "_core")],
     *[np.dtype, type(np.dtype(np.float64)), type(np.dtype(np.float32)), type(np.dtype(np.int64))],
 ]
-
-# What unpickling raises for truncated or altered bytes depends on their position.
-_DAMAGED: Final[tuple[type[Exception], ...]] = (
-    *[AttributeError, EOFError, LookupError, OSError, RuntimeError, TypeError, ValueError],
-    *[UnpicklingError, struct.error],
-)
 
 
 class Checkpoint(NamedTuple):
@@ -132,6 +131,9 @@ def network_from_state_dict(weights: Mapping[str, Tensor]) -> Checkpoint:
 
 
 def _build_with(name: NetworkName, weights: Mapping[str, Tensor]) -> SiameseNetwork:
+    for key, value in weights.items():
+        if value.is_meta or value.is_complex() or value.layout is not torch.strided:
+            raise WeightsError(f"hold no plain numbers for {key}: give the authors' own file")
     with torch.device("meta"):  # the random weights would be replaced immediately
         network = build_network(name)
     counters = {key: torch.tensor(0) for key in network.state_dict() if key.endswith(COUNTERS)}
@@ -174,24 +176,33 @@ def _check_first_bytes(path: Path) -> None:
 
 
 def _check_archive(path: Path) -> None:
-    if not zipfile.is_zipfile(path):  # the end of the file, with its directory, is missing
-        raise _damaged(path)
-    with zipfile.ZipFile(path) as archive:
-        names = archive.namelist()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+        raise _damaged(path) from error
+    names = [entry.filename for entry in entries]
     if not any(name.endswith("/data.pkl") for name in names):
         raise WeightsError(
             f"are an archive of {len(names)} files ({names[0] if names else ''}), "
             "not a PyTorch checkpoint: unpack it and give the .pth file"
+        )
+    declared, size = sum(entry.file_size for entry in entries), path.stat().st_size
+    if declared > size:  # PyTorch does not compress
+        raise WeightsError(
+            f"are compressed: {size} bytes would become {declared}; load the file where you trust "
+            "it, and save its state dict with torch.save"
         )
 
 
 def _read_content(path: Path) -> Any:
     """The content of a file of tensors, numbers, text and containers."""
     _check_first_bytes(path)
+    _check_names(path)
     try:
         with torch.serialization.safe_globals(_NUMBERS):
             return torch.load(path, map_location="cpu", weights_only=True)
-    except _DAMAGED as error:
+    except Exception as error:  # which one altered bytes raise depends on their position
         code = re.search(r"GLOBAL ([\w.]+)\s", str(error))
         if code:
             raise WeightsError(
@@ -199,6 +210,25 @@ def _read_content(path: Path) -> Any:
                 "if you trust the file, save only its state dict, network.state_dict()"
             ) from error
         raise _damaged(path) from error
+
+
+def _check_names(path: Path) -> None:
+    """Refuse pickles with very long names: PyTorch takes minutes to put them into a message."""
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                name = next(each for each in archive.namelist() if each.endswith("/data.pkl"))
+                pickles = [BytesIO(archive.read(name))]
+        else:
+            pickles = [BytesIO(path.read_bytes())] * _LEGACY_PICKLES
+        for pickle in pickles:
+            for operation, argument, _ in pickletools.genops(pickle):
+                if operation.name in _NAMING and len(str(argument)) > _MAX_NAME:
+                    raise _damaged(path)
+    except WeightsError:
+        raise
+    except Exception:  # reported when PyTorch reads it
+        return
 
 
 def _damaged(path: Path) -> WeightsError:
@@ -213,10 +243,19 @@ def _state_dict(content: Any) -> dict[str, Tensor]:
             content = content[wrapper]
     if not isinstance(content, Mapping):
         raise WeightsError(f"hold a {type(content).__name__}, not a network's state dict")
-    weights = {str(key): value for key, value in content.items() if isinstance(value, Tensor)}
+    weights = {
+        key: value
+        for key, value in content.items()
+        if isinstance(key, str) and isinstance(value, Tensor)
+    }
     if not weights:
         raise WeightsError(
-            f"hold no named weights, only {', '.join(map(str, list(content)[:3])) or 'nothing'}: "
+            f"hold no named weights, only {_first_keys(content) or 'nothing'}: "
             "give the authors' .pth file of the network"
         )
     return weights
+
+
+def _first_keys(content: Mapping[Any, Any]) -> str:
+    keys = [key if isinstance(key, str) else type(key).__name__ for key in list(content)[:3]]
+    return ", ".join(key[:_MAX_KEY] for key in keys)

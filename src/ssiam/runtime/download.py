@@ -174,8 +174,10 @@ class _Transfer:
     def _expected(self, headers: Message, start: int) -> int | None:
         """Size of the whole file; `WeightsError` if the server has a file of another size."""
         length = headers.get("Content-Length", "")
-        stated = start + int(length) if length.isdecimal() else None
-        ranged = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", headers.get("Content-Range", ""))
+        stated = start + int(length) if re.fullmatch("[0-9]{1,18}", length) else None
+        ranged = re.fullmatch(
+            r"bytes ([0-9]{1,18})-[0-9]+/([0-9]{1,18})", headers.get("Content-Range", "")
+        )
         if ranged is not None:
             stated = int(ranged[2])
         if stated is not None and self.file.size is not None and stated != self.file.size:

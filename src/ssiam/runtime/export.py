@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.outputs import output_error
 from ssiam.runtime.files import sha256
-from ssiam.runtime.manifest import OPSET, Manifest, move_export
+from ssiam.runtime.manifest import OPSET, Manifest, atomic_export
 from ssiam.runtime.network import Network, Tensor
 from ssiam.runtime.openvino import OpenVinoNetwork
 from ssiam.runtime.pytorch import read_network
@@ -77,17 +75,12 @@ def export_network(
         raise ArgumentError("int8 needs images to calibrate on: give --pictures VIDEO or FOLDER")
     checkpoint = read_network(weights, network)
     path = weights if weights.is_file() else next(weights.glob("*.pth"))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=folder, prefix=".export-") as temporary:
-            pieces = _write_pieces(checkpoint, Path(temporary))
-            if precision == "int8":
-                _quantize_search(Path(temporary), images, rgb=network == "siamfc")
-            manifest = Manifest(name, network, sha256(path), pieces, precision)
-            manifest.write(Path(temporary))
-            move_export(Path(temporary), folder, [f"{piece}.onnx" for piece in pieces])
-    except OSError as error:
-        raise output_error(folder, error) from error
+    with atomic_export(folder) as temporary:
+        pieces = _write_pieces(checkpoint, temporary)
+        if precision == "int8":
+            _quantize_search(temporary, images, rgb=network == "siamfc")
+        manifest = Manifest(name, network, sha256(path), pieces, precision)
+        manifest.write(temporary)
     return manifest
 
 

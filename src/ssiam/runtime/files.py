@@ -27,10 +27,14 @@ _CHUNK: Final = 1 << 20  # bytes
 def cache_folder() -> Path:
     """The folder `ssiam` in the user's cache folder, for files that can be made again.
 
-    That is ``$XDG_CACHE_HOME/ssiam``, by default ``~/.cache/ssiam``. It may not exist.
+    That is ``$XDG_CACHE_HOME/ssiam``, by default ``~/.cache/ssiam``. It may not exist. For a
+    user without a home folder it is a path that cannot be created.
     """
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path("~/.cache").expanduser()) / "ssiam"
+    try:
+        return (Path(base) if base else Path("~/.cache").expanduser()) / "ssiam"
+    except RuntimeError:  # neither $HOME nor an entry in the password file
+        return Path(os.devnull) / "ssiam"
 
 
 def sha256(path: Path) -> str:

@@ -4,18 +4,34 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Final
+from tempfile import TemporaryDirectory
+from typing import Any, Final, get_args
 
-from ssiam.errors import WeightsError
+from ssiam.errors import WeightsError, one_line
+from ssiam.outputs import make_folder, output_error
+from ssiam.parsing import parse_json
 from ssiam.runtime.network import Precision
 
-__all__ = ["MANIFEST_FILE", "OPSET", "Manifest", "find_export", "move_export", "package_version"]
+__all__ = [
+    "MANIFEST_FILE",
+    "OPSET",
+    "Manifest",
+    "atomic_export",
+    "find_export",
+    "leftover_exports",
+    "package_version",
+]
 
 MANIFEST_FILE: Final = "network.json"
+_TEMPORARY: Final = ".export-"  # prefix of the folders of unfinished exports
 OPSET: Final = 17  # of ONNX; every supported runtime accepts it
+_MAX_BYTES: Final = 64 * 1024  # of a manifest; those of all networks have less than 500
+_FILE_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")  # without a suffix
 
 
 def package_version() -> str:
@@ -65,11 +81,12 @@ class Manifest:
                 "give a folder that ssiam weights export has written, or the authors' .pth file"
             )
         try:
-            values = json.loads(path.read_text())
-            values["pieces"] = tuple(values["pieces"])
-            return cls(**values)
-        except (ValueError, TypeError, KeyError) as error:
-            raise WeightsError(f"{path} is damaged: export the network again") from error
+            with path.open("rb") as file:
+                text = file.read(_MAX_BYTES + 1)
+            return cls(**_checked(parse_json(text) if len(text) <= _MAX_BYTES else None))
+        except (OSError, ValueError, TypeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else one_line(error)
+            raise WeightsError(f"{path} is damaged ({reason}): export the network again") from error
 
     @property
     def cache_key(self) -> str:
@@ -85,14 +102,72 @@ class Manifest:
         (folder / MANIFEST_FILE).write_text(json.dumps(asdict(self), indent=2) + "\n")
 
 
-def move_export(source: Path, folder: Path, files: Iterable[str]) -> None:
-    """Move files from `source` to `folder`, on the same file system; the manifest last.
+def _checked(values: Any) -> dict[str, Any]:
+    """The fields of a `Manifest`; `ValueError` if a type is wrong or a piece is no file name."""
+    if not isinstance(values, dict) or not {each.name for each in fields(Manifest)} >= set(values):
+        raise ValueError("other fields")
+    pieces = values.get("pieces")
+    if not isinstance(pieces, list) or not all(map(_is_file_name, pieces)):
+        raise ValueError("pieces")
+    for name, value in values.items():
+        if name not in ("pieces", "opset") and not isinstance(value, str):
+            raise ValueError(name)
+    if type(values.get("opset", OPSET)) is not int:
+        raise ValueError("opset")
+    if values.get("precision", "f32") not in get_args(Precision):
+        raise ValueError("precision")
+    return values | {"pieces": tuple(pieces)}
 
-    A folder without a manifest is incomplete. Raises `OSError` if a file cannot be moved.
+
+def _is_file_name(value: object) -> bool:
+    return isinstance(value, str) and _FILE_NAME.fullmatch(value) is not None
+
+
+@contextmanager
+def atomic_export(folder: Path, *, beside: Sequence[str] = ()) -> Iterator[Path]:
+    """Replace an exported network after all its new files are complete.
+
+    The files are moved on exit, the manifest last: a folder without a manifest is incomplete. A
+    process that is killed leaves a folder that `leftover_exports` finds.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if it does not exist.
+    beside : sequence of str
+        Further files to move, besides the pieces and the manifest.
+
+    Yields
+    ------
+    Path
+        An empty folder, to which the files are to be written, `Manifest.write` last.
+
+    Raises
+    ------
+    SinkError
+        The folder cannot be written; after any error before the files are moved, the older ones
+        are unchanged.
     """
-    (folder / MANIFEST_FILE).unlink(missing_ok=True)
-    for file in (*files, MANIFEST_FILE):
-        os.replace(source / file, folder / file)
+    make_folder(folder)
+    try:
+        with TemporaryDirectory(dir=folder, prefix=_TEMPORARY) as name:
+            temporary = Path(name)
+            yield temporary
+            pieces = Manifest.read(temporary).pieces
+            files = [*beside, *(f"{piece}.onnx" for piece in pieces), MANIFEST_FILE]
+            for file in files:
+                with (temporary / file).open("r+b") as written:
+                    os.fsync(written.fileno())
+            (folder / MANIFEST_FILE).unlink(missing_ok=True)
+            for file in files:
+                os.replace(temporary / file, folder / file)
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
+def leftover_exports(folder: Path) -> list[Path]:
+    """Folders that `atomic_export` has left in `folder` because it was killed, or is using."""
+    return sorted(each for each in folder.glob(f"{_TEMPORARY}*") if each.is_dir())
 
 
 def find_export(weights: Path) -> Path | None:

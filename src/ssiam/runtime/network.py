@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Final, Literal, Protocol, TypeAlias, get_args
@@ -16,6 +17,8 @@ Precision: TypeAlias = Literal["f32", "bf16", "f16", "int8"]
 DeviceName: TypeAlias = Literal["cpu", "cuda", "tensorrt", "coreml", "mps"]
 Tensor: TypeAlias = NDArray[np.float32]
 
+_THREADS: Final = 64
+
 DEVICES: Final[dict[RuntimeName, tuple[DeviceName, ...]]] = {
     "openvino": ("cpu",),
     "onnxruntime": ("cpu", "cuda", "tensorrt", "coreml"),
@@ -29,6 +32,11 @@ PRECISIONS: Final[dict[RuntimeName, tuple[Precision, ...]]] = {
     "torch": ("f32", "bf16", "f16"),
 }
 """Precisions of each runtime."""
+
+
+def max_threads() -> int:
+    """The most threads of one inference: four for each core, and 64 on any machine."""
+    return max(4 * (os.cpu_count() or 1), _THREADS)
 
 
 class Network(Protocol):
@@ -87,6 +95,8 @@ class RuntimeOptions:
         check_choice("precision", self.precision, get_args(Precision))
         if not isinstance(self.threads, Integral) or self.threads < 1:
             raise ArgumentError(f"threads is {self.threads!r}: give a whole number of at least 1")
+        if self.threads > max_threads():
+            raise ArgumentError(f"threads is {self.threads}: give at most {max_threads()}")
         self._check_supported("precision", self.precision, PRECISIONS[self.runtime])
         self._check_supported("device", self.resolved_device, DEVICES[self.runtime])
         if self.precision == "f16" and self.resolved_device == "cpu":

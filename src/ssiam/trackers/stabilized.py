@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 
 from ssiam.copying import NotPicklable
-from ssiam.errors import ArgumentError, CopyError
+from ssiam.errors import ArgumentError, CopyError, SsiamError, TrackingError
 from ssiam.geometry import (
     XYWH,
     Image,
@@ -34,6 +35,7 @@ from ssiam.trackers.lost import LossDetector
 # on noise are at most 0.08. With 0.3, a target would be held at its old position after a strong
 # shake although it is visible.
 _NOT_VISIBLE: Final = 0.1
+_MAX_DISTANCE: Final = 10_000.0  # of a target from the origin, in longer sides of the frame
 
 
 @dataclass
@@ -176,12 +178,16 @@ class StabilizedTracker(NotPicklable):
             `following`, or `following` or `motion` has the wrong form.
         FrameSizeError
             The frame's size differs from that of the first one.
+        TrackingError
+            The tracker fails on this frame, or the motions have carried the target out of all
+            bounds.
         """
         target = self._current_target()
         check_frame(frame, target.size_wh)
         # A following frame of another size is refused later, when it is given to `update`.
         can_prefetch = following is not None and check_frame(following) == target.size_wh
-        motion = None if motion is None else as_motion(motion, target.size_wh)
+        if motion is not None:
+            motion = as_motion(motion, target.size_wh)
         camera = target.camera
         if camera is not None:
             motion = camera.update(frame, target.exclude_xywh, motion)
@@ -206,9 +212,19 @@ class StabilizedTracker(NotPicklable):
         Raises
         ------
         ValueError
-            There is no target yet, or no motion although ``stabilize="predict"`` needs one.
+            There is no target yet, no motion although ``stabilize="predict"`` needs one, or one
+            that is not finite or of frames of another size.
+        TrackingError
+            The motions have carried the target out of all bounds.
         """
-        return self._current_target().follower.advance(motion)
+        target = self._current_target()
+        if motion is not None:
+            motion = as_motion(motion, target.size_wh)
+        with _arithmetic_as_tracking_error():
+            step = target.follower.advance(motion)
+            if not _is_within_bounds(step, target.size_wh):
+                raise OverflowError
+        return step
 
     def locate(self, frame: Image, step: FrameStep) -> Track:
         """The second half of `update`: the target in `frame`, raw-frame pixels.
@@ -217,6 +233,10 @@ class StabilizedTracker(NotPicklable):
         """
         target = self._current_target()
         check_frame(frame, target.size_wh)
+        with _arithmetic_as_tracking_error():
+            return self._locate(target, frame, step)
+
+    def _locate(self, target: _Target, frame: Image, step: FrameStep) -> Track:
         if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
             track = target.follower.hold(step)
         else:
@@ -258,6 +278,26 @@ class StabilizedTracker(NotPicklable):
         if camera is not None:
             follower.advance(camera.update(frame))
         return follower, camera
+
+
+@contextmanager
+def _arithmetic_as_tracking_error() -> Iterator[None]:
+    """Report numbers that are not finite, or too large for pixels, as a `TrackingError`."""
+    try:
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            yield
+    except SsiamError:
+        raise
+    except (ArithmeticError, ValueError, cv2.error) as error:
+        raise TrackingError(
+            "the motions given have carried the target out of all bounds: call init(frame, box)"
+        ) from error
+
+
+def _is_within_bounds(step: FrameStep, size_wh: tuple[int, int]) -> bool:
+    limit = _MAX_DISTANCE * max(size_wh)
+    numbers = (*step.search_xywh, *step.stab_from_raw.ravel().tolist())
+    return all(abs(number) <= limit for number in numbers)
 
 
 def _check_config(config: StabilizerConfig) -> None:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final, TypeAlias
 
 import torch
@@ -17,9 +16,10 @@ from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
 from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
-from ssiam.outputs import NamedPath, atomic_write, check_distinct, make_folder, output_error
+from ssiam.outputs import NamedPath, atomic_write, check_distinct, leftover_parts
+from ssiam.parsing import parse_json
 from ssiam.runtime.files import sha256
-from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, move_export
+from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, atomic_export, leftover_exports
 from ssiam.training.config import from_table
 from ssiam.training.metrics import METRICS
 from ssiam.training.settings import WEIGHTS, TrainSettings
@@ -29,6 +29,7 @@ __all__ = [
     "CHECKPOINT",
     "WEIGHTS",
     "check_run_outputs",
+    "leftovers",
     "read_checkpoint",
     "write_checkpoint",
     "write_network",
@@ -78,7 +79,7 @@ def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
         return None
     try:
         content = read_torch_file(path)
-        theirs = json.loads(content.pop("settings"))
+        theirs = parse_json(content.pop("settings"))
     except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise WeightsError(
             f"checkpoint {path} is damaged: remove it to train from the start, or restore a copy"
@@ -181,7 +182,8 @@ def _inputs(settings: TrainSettings) -> Iterable[NamedPath]:
 def write_network(network: AnyNetwork, folder: Path) -> None:
     """Write weights.pth, the ONNX pieces (template and search, or mask) and network.json.
 
-    Existing files are replaced after all new ones are complete.
+    The folder is created if it does not exist. Existing files are replaced after all new ones are
+    complete.
 
     Raises
     ------
@@ -190,22 +192,27 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
     SinkError
         The folder cannot be written.
     """
-    try:
-        with TemporaryDirectory(dir=folder, prefix=".network-") as temporary:
-            pieces = _write_pieces(network, Path(temporary))
-            move_export(Path(temporary), folder, [WEIGHTS, *(f"{piece}.onnx" for piece in pieces)])
-    except OSError as error:
-        raise output_error(folder, error) from error
+    with atomic_export(folder, beside=(WEIGHTS,)) as temporary:
+        _write_pieces(network, temporary)
 
 
-def _write_pieces(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
-    """Write all files; return the names of the pieces."""
+def leftovers(folder: Path) -> list[Path]:
+    """Incomplete files in a run's folder, of runs that were killed or are still running."""
+    names = (CHECKPOINT, METRICS)
+    parts = [part for name in names for part in leftover_parts(folder / name, hidden=True)]
+    # Earlier versions called the part of a checkpoint by the number of the process.
+    numbered = sorted(folder.glob(f".{CHECKPOINT}.[0-9]*"))
+    return [*parts, *numbered, *leftover_exports(folder)]
+
+
+def _write_pieces(network: AnyNetwork, folder: Path) -> None:
+    """Write all files, the manifest last."""
     write_pth(folder / WEIGHTS, network.state_dict())
     if isinstance(network, BoxMaskNetwork):
         write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
         record = Manifest(_MASK, "box_mask", sha256(folder / WEIGHTS), ("mask",))
         record.write(folder)
-        return record.pieces
+        return
     graphs = inference_graphs(network)
     name = _LITE
     kernels: list[tuple[int, ...]] = [_KERNEL]
@@ -221,7 +228,6 @@ def _write_pieces(network: AnyNetwork, folder: Path) -> tuple[str, ...]:
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
     record = Manifest(_LITE, name, sha256(folder / WEIGHTS), tuple(graphs))
     record.write(folder)
-    return record.pieces
 
 
 def write_network_so_far(settings: TrainSettings, run: Path, folder: Path) -> int:
@@ -246,6 +252,5 @@ def write_network_so_far(settings: TrainSettings, run: Path, folder: Path) -> in
         raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
     network = build_network(settings.network)
     network.load_state_dict(state["average"])
-    make_folder(folder)
     write_network(network.eval(), folder)
     return int(state["step"])

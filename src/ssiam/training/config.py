@@ -18,6 +18,9 @@ __all__ = ["from_table", "read_config"]
 Settings = TypeVar("Settings")
 
 _SHIPPED: Final = Path(__file__).parents[1] / "configs"  # in the wheel; in a checkout, configs/
+_MAX_BYTES: Final = 1024 * 1024  # of a config; those shipped have less than 10,000
+_MAX_QUOTED: Final = 80  # characters of a value in a message
+_INT_RANGE: Final = 2**63  # of TOML's integers
 _TYPE_NAMES: Final = {int: "an integer", float: "a number", str: "a string", bool: "true or false"}
 
 
@@ -34,12 +37,15 @@ def read_config(path: Path) -> TrainSettings:
         Python is older than 3.11 and tomli is not installed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        with path.open("rb") as file:
+            text = file.read(_MAX_BYTES + 1).decode("utf-8").replace("\r\n", "\n")
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is not a text file"
         shipped = _SHIPPED / path.name
         hint = f"; {shipped} is one to copy" if shipped.exists() else ""
         raise SourceError(f"config {path} cannot be read: {reason}{hint}") from error
+    if len(text) > _MAX_BYTES:
+        raise SourceError(f"config {path} has more than {_MAX_BYTES} bytes: give a TOML file")
     try:
         return from_table(TrainSettings, _parse(text))
     except ArgumentError as error:
@@ -89,8 +95,12 @@ def _parse(text: str) -> dict[str, Any]:
             ) from error
     try:
         return dict(tomllib.loads(text))
+    except RecursionError:
+        raise ArgumentError("not valid TOML: it is nested too deeply") from None
     except tomllib.TOMLDecodeError as error:
         raise ArgumentError(f"not valid TOML: {error}") from error
+    except ValueError as error:
+        raise ArgumentError("not valid TOML: it has a number of too many digits") from error
 
 
 def _convert(kind: Any, value: Any, name: str) -> Any:
@@ -100,18 +110,18 @@ def _convert(kind: Any, value: Any, name: str) -> Any:
         return _convert(kind, value, name)
     if origin is Literal:
         if value not in options:
-            raise ArgumentError(f"{name} is {value!r}: choose from {', '.join(options)}")
+            raise ArgumentError(f"{name} is {_quoted(value)}: choose from {', '.join(options)}")
         return value
     if origin is tuple:
         if not isinstance(value, list):
-            raise ArgumentError(f"{name} is {value!r}: give a list")
+            raise ArgumentError(f"{name} is {_quoted(value)}: give a list")
         return tuple(
             _convert(item_kind, item, f"{name}[{i}]")
             for i, (item_kind, item) in enumerate(_with_types(options, value, name))
         )
     if is_dataclass(kind):
         if not isinstance(value, dict):
-            raise ArgumentError(f"{name} is {value!r}: give a table")
+            raise ArgumentError(f"{name} is {_quoted(value)}: give a table")
         return from_table(kind, value, f"{name}.")  # type: ignore[arg-type]
     return _convert_plain(kind, value, name)
 
@@ -126,8 +136,19 @@ def _with_types(options: tuple[Any, ...], values: list[Any], name: str) -> list[
 
 
 def _convert_plain(kind: Any, value: Any, name: str) -> Any:
+    if type(value) is int and not -_INT_RANGE <= value < _INT_RANGE:
+        raise ArgumentError(f"{name} is an integer of {value.bit_length()} bits: TOML has 64")
     if kind is float and type(value) is int:
         return float(value)
     if type(value) is not kind:
-        raise ArgumentError(f"{name} is {value!r}: give {_TYPE_NAMES[kind]}")
+        raise ArgumentError(f"{name} is {_quoted(value)}: give {_TYPE_NAMES[kind]}")
     return value
+
+
+def _quoted(value: Any) -> str:
+    """A value in a message, shortened."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of too many digits, written as 0xffff...
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _MAX_QUOTED else f"{text[:_MAX_QUOTED]}..."

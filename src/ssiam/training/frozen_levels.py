@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
 from ssiam.networks.export import BackboneGraph, write_onnx
+from ssiam.outputs import output_error
 from ssiam.runtime import Network, Precision, load_network
 from ssiam.runtime.manifest import OPSET
 
@@ -31,6 +32,11 @@ class FrozenLevels:
         Sides of the crops, px.
     threads : int
     precision : {"f32", "bf16"}
+
+    Raises
+    ------
+    SinkError
+        The folder of temporary files cannot be written.
     """
 
     def __init__(
@@ -44,10 +50,13 @@ class FrozenLevels:
         graph = BackboneGraph(backbone, count)
         self._networks: dict[int, Network] = {}
         for side in sides:
-            with TemporaryDirectory(prefix="ssiam-") as folder:
-                path = Path(folder) / "lower.onnx"
-                write_onnx(graph, [(1, 3, side, side)], path, opset=OPSET)
-                network = load_network(path, threads=threads, precision=precision)
+            try:
+                with TemporaryDirectory(prefix="ssiam-") as folder:
+                    path = Path(folder) / "lower.onnx"
+                    write_onnx(graph, [(1, 3, side, side)], path, opset=OPSET)
+                    network = load_network(path, threads=threads, precision=precision)
+            except OSError as error:
+                raise output_error(Path(gettempdir()), error) from error
             self._networks[side] = network
 
     def __call__(self, crops: NDArray[np.uint8]) -> list[Tensor]:

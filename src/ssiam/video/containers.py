@@ -19,6 +19,7 @@ from av.video.stream import VideoStream
 from ssiam.errors import SourceError, SsiamError, StreamError
 from ssiam.video.decoding import DEFAULT_FPS, Decoder, TimeSource
 from ssiam.video.frames import DecodedImages, Source, SourceInfo
+from ssiam.video.image_sizes import check_pixels, max_pixels
 from ssiam.video.levels import LEVEL_FRAMES, Levels, convert_to_8bit
 from ssiam.video.sound import Sound
 from ssiam.video.truncation import TruncationCheck
@@ -126,7 +127,7 @@ class Input:
     """
 
     name: str
-    file: Any
+    file: Any = field(repr=False)
     format: str | None = None
     options: dict[str, str] = field(default_factory=dict)
     timeout: tuple[float, float] | None = None
@@ -158,6 +159,12 @@ def open_container(given: Input) -> Source:
     """
     container = _open(given)
     stream = _video_stream(given, container)
+    try:
+        check_pixels(given.name, stream.width, stream.height)
+    except SourceError:
+        container.close()
+        raise
+    stream.codec_context.options = {"max_pixels": str(max_pixels())}
     is_recording = bool(container.duration)
     rate = _frame_rate(stream, is_recording=is_recording)
     fps = rate.fps or DEFAULT_FPS
@@ -193,7 +200,7 @@ def _open(given: Input) -> InputContainer:
             given.file,
             mode="r",
             format=given.format,
-            options=given.options,
+            options={**given.options, "max_pixels": str(max_pixels())},
             timeout=given.timeout,
             **_METADATA,
         )

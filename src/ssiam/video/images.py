@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterator
@@ -14,8 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.errors import SourceError, StreamError
+from ssiam.errors import SourceError, SsiamError, StreamError
+from ssiam.parsing import is_number_word
 from ssiam.video.frames import DecodedImages, Source, SourceInfo
+from ssiam.video.image_sizes import check_pixels, declared_sizes, max_pixels
 from ssiam.video.levels import Levels, convert_to_8bit
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -28,7 +31,7 @@ _UNCHANGED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _TIFF_UNCHANGED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
 _TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ANIMATION_FLAG = 0x02  # of the byte after "VP8X" and its size, in WebP
-# Pages decoded at a time: OpenCV walks over those before them each time.
+# The most pages decoded at a time: OpenCV walks over those before them each time.
 _CHUNK = 16
 # Milliseconds of a frame without a duration, as in browsers.
 _DEFAULT_DURATION_MS = 100
@@ -75,7 +78,7 @@ def image_paths(folder: Path) -> list[Path]:
 
 def _natural_key(path: Path) -> tuple[list[tuple[int, str]], str]:
     parts = re.findall(r"[0-9]+|[^0-9]+", path.name.lower())
-    numbered = [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    numbered = [(int(part), "") if is_number_word(part) else (-1, part) for part in parts]
     return numbered, path.name
 
 
@@ -110,7 +113,7 @@ def _file_fps(path: Path) -> Fraction | None:
 def _frames_in(path: Path) -> int:
     try:
         return _page_count(path)
-    except OSError:
+    except (OSError, struct.error, cv2.error):
         return 1
 
 
@@ -136,6 +139,8 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     ------
     UnreadableImage
         At the first frame that cannot be read.
+    SourceError
+        The file declares more than `max_pixels` pixels.
     """
     try:
         count = _page_count(path)
@@ -143,14 +148,27 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
         # another program truncates a mapped file, the system ends this process (SIGBUS).
         data = np.fromfile(path, dtype=np.uint8)
         head = data[:32].tobytes()
+        chunk = _checked_chunk(path, data)
         if head[:4] in _TIFF_MAGIC:
-            yield from ((None, page) for page in _tiff(data, count))
+            yield from ((None, page) for page in _tiff(data, count, chunk))
         elif _is_animated_webp(head):
-            yield from _animation(data, count)
+            yield from _animation(data, count, chunk)
         else:
             yield None, _decoded(data)
-    except (OSError, ValueError, cv2.error) as error:
+    except SsiamError:
+        raise
+    except (OSError, ValueError, MemoryError, SystemError, struct.error, cv2.error) as error:
         raise UnreadableImage(path) from error
+
+
+def _checked_chunk(path: Path, data: NDArray[np.uint8]) -> int:
+    """Pages to decode at a time; `SourceError` if one of them declares too many pixels."""
+    sizes = declared_sizes(memoryview(data))  # type: ignore[arg-type]
+    if not sizes:
+        raise UnreadableImage(path)
+    width, height = max(sizes, key=math.prod)
+    check_pixels(str(path), width, height)
+    return max(1, min(_CHUNK, max_pixels() // max(width * height, 1)))
 
 
 def _page_count(path: Path) -> int:
@@ -169,11 +187,11 @@ def _decoded(data: NDArray[np.uint8]) -> NDArray[Any]:
     return image
 
 
-def _tiff(data: NDArray[np.uint8], count: int) -> Iterator[NDArray[Any]]:
+def _tiff(data: NDArray[np.uint8], count: int, chunk: int) -> Iterator[NDArray[Any]]:
     """Pages, except those smaller than the first, which are its previews."""
     first: tuple[int, ...] | None = None
-    for start in range(0, count, _CHUNK):
-        stop = min(start + _CHUNK, count)
+    for start in range(0, count, chunk):
+        stop = min(start + chunk, count)
         _, pages = cv2.imdecodemulti(data, _TIFF_UNCHANGED, range=(start, stop))
         for page in pages:
             first = first or page.shape
@@ -183,9 +201,11 @@ def _tiff(data: NDArray[np.uint8], count: int) -> Iterator[NDArray[Any]]:
             raise UnreadableImage
 
 
-def _animation(data: NDArray[np.uint8], count: int) -> Iterator[tuple[Fraction, NDArray[Any]]]:
-    for start in range(0, count, _CHUNK):
-        wanted = min(_CHUNK, count - start)
+def _animation(
+    data: NDArray[np.uint8], count: int, chunk: int
+) -> Iterator[tuple[Fraction, NDArray[Any]]]:
+    for start in range(0, count, chunk):
+        wanted = min(chunk, count - start)
         _, animation = cv2.imdecodeanimation(data, start, wanted)
         for frame, milliseconds in zip(animation.frames, animation.durations, strict=False):
             yield (

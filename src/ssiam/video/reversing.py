@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from ssiam.addresses import display_name, is_address
 from ssiam.errors import SourceError, SsiamError
 from ssiam.geometry import Image
 from ssiam.video.containers import Position
 from ssiam.video.frames import Frame, Source, SourceInfo
-from ssiam.video.sources import RawFormat, is_address, open_file_at, open_source
+from ssiam.video.sources import RawFormat, open_file_at, open_source
 
 _CHUNK_BYTES: Final = 192 << 20  # of the frames that are held at a time
 _LEAST_CHUNK: Final = 4  # frames
@@ -165,7 +166,9 @@ def is_reversible(spec: str) -> bool:
 def check_reversible(spec: str) -> None:
     """Raise `SourceError` unless the source can be read repeatedly."""
     if not is_reversible(spec):
-        raise SourceError(f"{spec}: cannot be read from its end: save it to a file, and give that")
+        raise SourceError(
+            f"{display_name(spec)}: cannot be read from its end: save it to a file, and give that"
+        )
 
 
 def _checksum(image: Image) -> int:

@@ -6,12 +6,12 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
+from ssiam.addresses import is_address
 from ssiam.errors import ArgumentError
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.video.images import IMAGE_SUFFIXES, image_paths
-from ssiam.video.sources import STDIN, camera_index, is_address
+from ssiam.video.sources import STDIN, camera_index, path_of_file_address
 
 _M3U, _FFCONCAT = b"#EXTM3U", b"ffconcat"  # first bytes of playlists
 _LONGEST_LIST = 1 << 20  # bytes read of a playlist
@@ -53,7 +53,7 @@ def _path(source: str) -> Path | None:
         return _STANDARD_INPUT
     if is_address(source):
         is_file = source.lower().startswith("file://")
-        return Path(unquote(urlsplit(source).path)) if is_file else None
+        return Path(path_of_file_address(source).replace("\0", "")) if is_file else None
     return None if camera_index(source) is not None or not source else Path(source)
 
 
@@ -83,6 +83,7 @@ def _names_in(path: Path) -> list[str]:
             head = file.read(len(_FFCONCAT))
             is_list = head.startswith(_M3U) or head == _FFCONCAT
             text = file.read(_LONGEST_LIST).decode("utf-8", "replace") if is_list else ""
+            text = text.replace("\0", "")  # no file has such a name
     except OSError:  # reported when it is opened
         return []
     if head == _FFCONCAT:

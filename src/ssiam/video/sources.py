@@ -15,6 +15,7 @@ from urllib.parse import unquote, urlsplit
 import cv2
 import numpy as np
 
+from ssiam.addresses import display_name, is_address, redact_address
 from ssiam.errors import SourceError, StreamError
 from ssiam.video.containers import Input, Pipe, Position, open_container
 from ssiam.video.frames import Source, TimedImages
@@ -26,10 +27,10 @@ STDIN = "-"
 _CAMERA = re.compile(r"(?:/dev/video)?([0-9]{1,3})")
 # Frames per second of a camera whose driver reports no plausible rate.
 _CAMERA_FPS = Fraction(30)
-_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 # Seconds until a server that does not answer, or that stops sending, counts as disconnected.
 _OPEN_TIMEOUT = 10.0
 _READ_TIMEOUT = 10.0
+_ADDRESS_ADVICE = "write an address as SCHEME://HOST/PATH, without blanks and quotes before it"
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def open_source(
     if is_address(text) and not text.lower().startswith("file://"):
         return open_address(text, stream=stream, levels=options.levels, sound=sound)
     if is_address(text):
-        text = unquote(urlsplit(text).path)
+        text = path_of_file_address(text)
     return _open_path(text, raw, options)
 
 
@@ -165,6 +166,14 @@ def open_file_at(
     """
     options = _Options(stream, None if levels is None else Levels(*levels), False, position)
     return _open_path(path, raw, options)
+
+
+def path_of_file_address(address: str) -> str:
+    """The path of a ``file://`` address; empty if it has none."""
+    try:
+        return unquote(urlsplit(address).path)
+    except ValueError:  # of a host in brackets that is no IPv6 address
+        return ""
 
 
 def camera_index(spec: str) -> int | None:
@@ -235,20 +244,6 @@ def _available_cameras() -> str:
     return f"available cameras: {', '.join(found)}" if found else "no camera is connected"
 
 
-def is_address(spec: str) -> bool:
-    """Whether `spec` is a URL (``scheme://...``) and not a path."""
-    return _ADDRESS.match(spec) is not None
-
-
-def redact_address(address: str) -> str:
-    """The address without user, password, query and fragment, which may hold secrets."""
-    scheme, _, rest = address.partition("://")
-    location = re.split(r"[?#]", rest, maxsplit=1)[0]
-    host, slash, path = location.partition("/")
-    # A password may contain a slash; nothing before an @ is kept.
-    return f"{scheme}://{(host + slash + path).rpartition('@')[2]}"
-
-
 def open_address(
     address: str,
     *,
@@ -269,7 +264,8 @@ def open_address(
             file=address,
             options=options,
             timeout=(_OPEN_TIMEOUT, read_timeout),
-            advice="check the address and that the server is up",
+            advice="check the address (in a password, write # as %23 and ? as %3F) and that "
+            "the server is up",
             stream=stream,
             levels=levels,
             sound=sound,
@@ -291,16 +287,19 @@ def _open_stdin(raw: RawFormat | None, options: _Options) -> Source:
 
 
 def _open_path(text: str, raw: RawFormat | None, options: _Options) -> Source:
-    path = Path(text)
+    path, name = Path(text), display_name(text)
+    if "\0" in text:
+        raise SourceError(f"{name!r}: has a NUL character; check the path")
     try:
         if path.is_dir() and text:
             options.check_no_stream(text)
             return open_folder(path, levels=options.levels)
         if not path.exists() or not text:
-            raise SourceError(f"{text or 'empty name'}: no such file or folder; check the path")
+            advice = "check the path" if name == text else _ADDRESS_ADVICE
+            raise SourceError(f"{name or 'empty name'}: no such file or folder; {advice}")
         head = _head(path) if path.is_file() else b"?"
     except OSError as error:
-        raise SourceError(f"{text}: cannot be read ({error.strerror}); check the path") from None
+        raise SourceError(f"{name}: cannot be read ({error.strerror}); check the path") from None
     if not head:
         raise SourceError(f"{text}: the file is empty; get it again")
     if raw is None and is_stack(head):

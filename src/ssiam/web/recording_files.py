@@ -17,6 +17,7 @@ from typing import Any, Final
 from ssiam.errors import SinkError, SsiamError, one_line
 from ssiam.exchange import ExportKind, read_annotations, write_exports
 from ssiam.outputs import atomic_write
+from ssiam.parsing import parse_json, parse_rate
 from ssiam.video import open_source
 
 try:
@@ -81,7 +82,7 @@ class RecordingMetadata:
     @property
     def rate(self) -> Fraction:
         """Frames per second."""
-        return Fraction(self.fps)
+        return parse_rate(self.fps)
 
     def to_json(self) -> str:
         """The content of recording.json."""
@@ -103,10 +104,10 @@ class RecordingMetadata:
 
         Raises
         ------
-        ValueError, TypeError, KeyError, AttributeError
+        ValueError, TypeError, KeyError, AttributeError, ArithmeticError
             It is damaged.
         """
-        values = json.loads(text)
+        values = parse_json(text)
         width, height = (int(value) for value in values["size_wh"])
         return cls(
             str(values["fps"]),
@@ -161,7 +162,7 @@ class RecordingFolder:
                 return None
             metadata = RecordingMetadata.from_json(path.read_text(encoding="utf-8"))
             return metadata if metadata.rate > 0 and metadata.frames >= 0 else None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, ZeroDivisionError):
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, ArithmeticError):
             return None
 
     def lock(self) -> bool:

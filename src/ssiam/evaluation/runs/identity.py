@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from ssiam.evaluation.runs.entries import Entry
 from ssiam.evaluation.runs.result_files import ResultsError, write_lines
+from ssiam.parsing import parse_json
 from ssiam.runtime.files import weights_sha256
 from ssiam.trackers import has_networks, weights_path
 
@@ -127,10 +128,10 @@ def read_identity(results: Path) -> Identity | None:
             return None
         with path.open("rb") as file:
             text = file.read(_MAX_BYTES + 1)
-        return Identity(**_checked(json.loads(text.decode("ascii"))))
+        return Identity(**_checked(parse_json(text.decode("ascii"))))
     except OSError as error:
         raise ResultsError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (ValueError, RecursionError):
+    except ValueError:
         raise ResultsError(
             f"{path}: not as written by ssiam bench; restore it, or delete the folder to run the "
             "tracker again"

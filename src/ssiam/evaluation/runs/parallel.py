@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, TypeVar
 
+from ssiam.addresses import redact_address
 from ssiam.errors import ArgumentError, MissingExtraError, one_line
 
 _CONNECT_TIMEOUT: Final = 10  # seconds
@@ -135,7 +136,8 @@ def _on_cluster(
     try:
         client = Client(cluster, timeout=_CONNECT_TIMEOUT)
     except (OSError, ValueError) as error:
-        raise ArgumentError(f"no Dask scheduler answers at {cluster}; is it running?") from error
+        name = redact_address(cluster)
+        raise ArgumentError(f"no Dask scheduler answers at {name}; is it running?") from error
     with client:
         submitted = {client.submit(call, each, pure=False): each for each in items}
         for future in as_completed(list(submitted)):

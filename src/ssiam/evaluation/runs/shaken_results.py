@@ -10,6 +10,7 @@ from typing import Any, Final
 from ssiam.datasets import Dataset, Shake, shaken_dataset
 from ssiam.errors import ArgumentError
 from ssiam.evaluation.runs.result_files import ResultsError, write_lines
+from ssiam.parsing import parse_json
 
 _FILE: Final = "shake.json"
 _MAX_BYTES: Final = 512
@@ -63,11 +64,11 @@ def _parsed(path: Path) -> Shake:
     with path.open("rb") as file:
         text = file.read(_MAX_BYTES + 1)
     try:
-        values = json.loads(text.decode("ascii")) if len(text) <= _MAX_BYTES else None
+        values = parse_json(text.decode("ascii")) if len(text) <= _MAX_BYTES else None
         return Shake(**_checked(values))
     except ArgumentError as error:
         raise ResultsError(f"{path}: {error}") from error
-    except (ValueError, RecursionError):
+    except ValueError:
         raise ResultsError(
             f"{path}: not as written by ssiam bench; restore it, or run the benchmark again"
         ) from None

@@ -5,7 +5,6 @@ Each reader returns one track per object. Damaged annotations are skipped, see `
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +18,7 @@ from ssiam.datasets import DatasetError
 from ssiam.datasets.files import inside, read_text
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, iou
+from ssiam.parsing import is_number_word, parse_json
 from ssiam.training.data.files import (
     AnnotationErrors,
     first_folder,
@@ -44,6 +44,7 @@ _VOC_CORNERS: Final = ("xmin", "ymin", "xmax", "ymax")
 _VOC_SAME_OBJECT: Final = 0.3  # IoU of an object's boxes in consecutive images of a video
 _VOC_MAX_FRAMES: Final = 2000  # of a linked track
 
+_COCO_MAX_SIDE: Final = 65536  # px of a mask
 _COCO_MAX_BYTES: Final = 1 << 30  # COCO's own training annotations have half of it
 
 # YOLO.
@@ -126,7 +127,7 @@ def _voc_box(entry: ElementTree.Element, path: Path) -> XYWH:
         raise DatasetError(f"{path}: has an object without the four numbers of its box") from None
     if not (right > left and bottom > top and np.isfinite((left, top, right, bottom)).all()):
         raise DatasetError(f"{path}: has a box without area, {', '.join(words)}")
-    if all(word.strip().isdigit() for word in words):
+    if all(is_number_word(word.strip()) for word in words):
         return left - 1, top - 1, right - left + 1, bottom - top + 1
     return left, top, right - left, bottom - top
 
@@ -189,8 +190,8 @@ def read_coco(file: Path, names: NameFilter) -> list[TrainingTrack]:
 def _coco_content(file: Path) -> tuple[dict[Any, str], list[Any]]:
     """File names by image id, and the objects."""
     try:
-        content = json.loads(read_text(file, _COCO_MAX_BYTES))
-    except (ValueError, RecursionError) as error:
+        content = parse_json(read_text(file, _COCO_MAX_BYTES))
+    except ValueError as error:
         raise DatasetError(f"{file}: is not valid JSON ({error})") from None
     if not isinstance(content, dict):
         raise DatasetError(f"{file}: holds no images and annotations in COCO's format")
@@ -243,6 +244,8 @@ def _coco_outline(entry: Any, file: Path) -> Outline | None:
         return Polygons(tuple(ring.reshape(-1, 2).astype(np.float32) for ring in rings))
     counts = _coco_field(shape, "counts", (str, list), file)
     size = _coco_numbers(_coco_field(shape, "size", (list,), file), file)
+    if size.shape != (2,) or not ((size >= 0) & (size < _COCO_MAX_SIDE)).all():
+        raise DatasetError(f"{file}: an object has a mask of the size {str(size.tolist())[:40]}")
     height, width = size.astype(int).tolist()
     try:
         runs = (
@@ -256,7 +259,7 @@ def _coco_outline(entry: Any, file: Path) -> Outline | None:
 def _coco_numbers(values: Any, file: Path) -> NDArray[np.float64]:
     try:
         numbers = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DatasetError(f"{file}: {str(values)[:40]} are not numbers") from None
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise DatasetError(f"{file}: {str(values)[:40]} is not a list of finite numbers")

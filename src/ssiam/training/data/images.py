@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ssiam.datasets import read_image
 from ssiam.errors import SourceError
 from ssiam.geometry import Image
+from ssiam.video.image_sizes import check_pixels, declared_sizes
 
 __all__ = ["image_size", "read_cached", "read_labels", "read_unchanged"]
 
@@ -70,8 +71,11 @@ def read_unchanged(path: Path) -> tuple[bytes, NDArray[np.generic] | None]:
     """The bytes of an image file, and the image with all its channels; None if it is damaged."""
     try:
         encoded = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
-    except (OSError, cv2.error):
+        sizes = declared_sizes(encoded.tobytes())
+        for width, height in sizes:
+            check_pixels(str(path), width, height)
+        image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if sizes else None
+    except (OSError, MemoryError, cv2.error):
         return b"", None
     return encoded.tobytes(), None if image is None else np.asarray(image)
 

@@ -13,7 +13,6 @@ each other's images through the crop regions.
 from __future__ import annotations
 
 import bisect
-import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -27,6 +26,7 @@ from ssiam.datasets import DatasetError
 from ssiam.datasets.files import check_counts, images_in, read_text
 from ssiam.datasets.ground_truth import read_flags, read_xywh, to_zero_based
 from ssiam.geometry import XYWH
+from ssiam.parsing import parse_json
 from ssiam.training.data.files import AnnotationErrors, list_files
 from ssiam.training.data.tracks import BoxTrack, NameFilter
 
@@ -198,8 +198,8 @@ def _track_folders(folder: Path) -> list[Path]:
 def _read_meta(folder: Path) -> dict[str, Any]:
     path = folder / _META
     try:
-        content = json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
+        content = parse_json(read_text(path))
+    except ValueError as error:
         raise DatasetError(f"{path}: is not valid JSON ({error})") from None
     if not isinstance(content, dict) or not isinstance(content.get("video"), str):
         raise DatasetError(f"{path}: does not name the video")
@@ -245,7 +245,7 @@ def _list(meta: dict[str, Any], key: str, count: int, path: Path) -> list[Any]:
 def _region(value: Any, path: Path) -> _Region:
     try:
         left, top, right, bottom, scale = map(float, value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DatasetError(f"{path}: {str(value)[:40]} is not a region and its scale") from None
     width, height = (right - left) * scale, (bottom - top) * scale
     if not (scale > 0 and 0 < width < math.inf and 0 < height < math.inf):

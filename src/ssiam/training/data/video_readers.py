@@ -6,7 +6,6 @@ Damaged videos are skipped, see `AnnotationErrors`. Track folders are read by
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from ssiam.datasets import Dataset, DatasetError, VideoSequence
 from ssiam.datasets.files import images_in, inside, read_text
 from ssiam.datasets.mot import MotClip, clip_folders, read_clip
 from ssiam.geometry import XYWH
+from ssiam.parsing import is_number_word, parse_json
 from ssiam.training.data.files import AnnotationErrors, first_folder
 from ssiam.training.data.images import read_labels
 from ssiam.training.data.tracks import BoxTrack, LabelTrack, NameFilter, TrainingTrack
@@ -29,6 +29,7 @@ __all__ = ["SequenceSource", "read_davis", "read_mot", "read_youtube_vos"]
 _DAVIS_SIZES: Final = ("480p", "Full-Resolution", "1080p", "")
 
 _YOUTUBE_META: Final = "meta.json"
+_MAX_DIGITS: Final = 9  # of the number of an object
 _YOUTUBE_MAX_BYTES: Final = 1 << 27  # of meta.json
 
 _MOT_MIN_VISIBLE: Final = 0.4  # visible fraction below which an object counts as hidden
@@ -113,8 +114,8 @@ def read_youtube_vos(folder: Path, names: NameFilter) -> list[TrainingTrack]:
 
 def _youtube_videos(meta: Path) -> dict[str, Any]:
     try:
-        content = json.loads(read_text(meta, _YOUTUBE_MAX_BYTES))
-    except (ValueError, RecursionError) as error:
+        content = parse_json(read_text(meta, _YOUTUBE_MAX_BYTES))
+    except ValueError as error:
         raise DatasetError(f"{meta}: is not valid JSON ({error})") from None
     videos = content.get("videos") if isinstance(content, dict) else None
     if not isinstance(videos, dict):
@@ -122,11 +123,15 @@ def _youtube_videos(meta: Path) -> dict[str, Any]:
     return videos
 
 
+def _is_object_number(word: str) -> bool:
+    return is_number_word(word) and len(word) <= _MAX_DIGITS
+
+
 def _youtube_tracks(
     video: str, entry: Any, meta: Path, images: Path, labels: Path
 ) -> list[LabelTrack]:
     objects = entry.get("objects") if isinstance(entry, dict) else None
-    if not isinstance(objects, dict) or not all(key.isdecimal() for key in objects):
+    if not isinstance(objects, dict) or not all(map(_is_object_number, objects)):
         raise DatasetError(f"{meta}: the video {video!r} has no numbered objects")
     folder = inside(images, video, meta)
     paths, label_paths = _labeled_images(folder, inside(labels, video, meta))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import select
 import sys
 import threading
@@ -13,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias, get_args
 from urllib.parse import unquote, urlsplit
 
+from ssiam.addresses import is_address
 from ssiam.errors import check_choice
 from ssiam.video import Source, open_source
 from ssiam.video.containers import Input, Pipe, open_container
 from ssiam.video.levels import Levels
-from ssiam.video.sources import STDIN, camera_index, is_address, open_address, redact_address
+from ssiam.video.sources import STDIN, camera_index, open_address
 from ssiam.web.feeds.base import Feed
 from ssiam.web.feeds.paced import PacedFeed
 from ssiam.web.feeds.pushed import PushedFeed
@@ -117,7 +119,7 @@ def _is_remote(spec: str) -> bool:
 
 
 def _is_playlist(spec: str) -> bool:
-    return is_address(spec) and redact_address(spec).lower().endswith(_PLAYLISTS)
+    return is_address(spec) and re.split(r"[?#]", spec)[0].lower().endswith(_PLAYLISTS)
 
 
 def _scheme(address: str) -> str:

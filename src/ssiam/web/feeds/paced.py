@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from ssiam.addresses import stack_of
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.feeds.base import Feed
@@ -152,8 +153,7 @@ class PacedFeed(Feed):
         except SsiamError as error:
             self._notify(Note("error", str(error)))
         except Exception as error:
-            _log.exception("reading %s", self.name)
-            # The error's text may contain the address with its password.
+            _log.error("reading %s: %s", self.name, stack_of(error))
             text = f"{self.name} cannot be read further ({type(error).__name__}); see the log"
             self._notify(Note("error", text))
         if source.info.undecoded:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from ssiam.addresses import stack_of
 from ssiam.errors import SsiamError
 from ssiam.video import Frame, Source
 from ssiam.web.feeds.base import Feed, known_fps
@@ -134,8 +135,8 @@ class ReconnectingFeed(Feed):
         except SsiamError as error:
             _log.info("%s", error)
             return False
-        except Exception:
-            _log.exception("reading %s", self.name)
+        except Exception as error:
+            _log.error("reading %s: %s", self.name, stack_of(error))
             return False
         return source.length is not None
 
@@ -152,8 +153,8 @@ class ReconnectingFeed(Feed):
             except SsiamError as error:
                 _log.debug("%s", error)
                 continue
-            except Exception:
-                _log.exception("opening %s", self.name)
+            except Exception as error:
+                _log.error("opening %s: %s", self.name, stack_of(error))
                 continue
             self._resume(source)
             return source

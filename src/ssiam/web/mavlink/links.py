@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Final, Protocol, TypeAlias
 
 from ssiam.errors import ArgumentError
+from ssiam.parsing import is_number_word
 
 _log = logging.getLogger(__name__)
 
@@ -296,7 +297,7 @@ class SerialPort:
 
 
 def _open_serial(address: str, device: str, baud: str) -> StreamLink:
-    if not baud.isascii() or not baud.isdigit():
+    if not is_number_word(baud):
         raise ArgumentError(f"MAVLink address {address!r}: {baud!r} is not a baud rate; use 57600")
     try:
         SerialPort(device, int(baud)).close()
@@ -338,7 +339,7 @@ def _selector_of(sock: socket.socket) -> selectors.BaseSelector:
 
 def _split(address: str, host_and_port: str) -> tuple[str, int]:
     host, _, port = host_and_port.rpartition(":")
-    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 65536:
+    if not host or not is_number_word(port) or not 0 < int(port) < 65536:
         raise ArgumentError(f"MAVLink address {address!r}: give a host and a port from 1 to 65535")
     return host.strip("[]"), int(port)
 

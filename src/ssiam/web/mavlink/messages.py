@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 
 from ssiam.errors import MissingExtraError
 from ssiam.geometry import XYWH
+from ssiam.parsing import is_number_word
 from ssiam.web.types import Step, Target
 
 try:
@@ -163,5 +164,5 @@ def _fraction(pixels: float, size: int) -> float:
 
 def _firmware() -> int:
     """Ssiam's version in the format of CAMERA_INFORMATION: a byte each, major version lowest."""
-    parts = [int(part) if part.isdigit() else 0 for part in version("ssiam").split(".")[:3]]
+    parts = [int(part) if is_number_word(part) else 0 for part in version("ssiam").split(".")[:3]]
     return sum(part << 8 * index for index, part in enumerate(parts))

@@ -10,6 +10,8 @@ from http import HTTPStatus
 from typing import Any, Final, TypeAlias
 from urllib.parse import parse_qs
 
+from ssiam.parsing import is_number_word
+
 Scope: TypeAlias = MutableMapping[str, Any]
 Event: TypeAlias = MutableMapping[str, Any]
 Receive: TypeAlias = Callable[[], Awaitable[Event]]
@@ -128,7 +130,7 @@ def _split(host: str) -> tuple[str, int | None]:
         name, port = host, str(_HTTP_PORT)
     if name.startswith("[") and name.endswith("]"):
         name = name[1:-1]
-    is_port = port.isascii() and port.isdigit() and len(port) <= len("65535")
+    is_port = is_number_word(port) and len(port) <= len("65535")
     return name, int(port) if is_port else None
 
 

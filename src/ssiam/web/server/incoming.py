@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias, get_args
 
 from ssiam.geometry import XYWH
+from ssiam.parsing import parse_json
 from ssiam.stabilize import Method
 from ssiam.web.types import (
     MAX_NAME_LENGTH,
@@ -124,8 +124,8 @@ class Fields:
 
     def __init__(self, text: str) -> None:
         try:
-            values = json.loads(text, parse_constant=_reject_constant)
-        except (ValueError, RecursionError):
+            values = parse_json(text, constants=False)
+        except ValueError:
             raise _bad_message("the message is not valid JSON") from None
         if not isinstance(values, dict):
             raise _bad_message("a message is a JSON object with a type")
@@ -267,10 +267,6 @@ def _short(value: object) -> str:
     if isinstance(value, (str, int, float)) or value is None:
         return ascii(value)[:_MAX_QUOTED]
     return f"a {type(value).__name__}"
-
-
-def _reject_constant(name: str) -> None:
-    raise ValueError(name)
 
 
 def _is_number(value: object) -> bool:

@@ -1,0 +1,362 @@
+"""Each reader and socket, with valid inputs; a `SsiamError` is the only way to refuse one."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from helpers import datasets_on_disk as on_disk
+from helpers import message_fuzz
+from helpers.drawn_datasets import write_pysot_json
+from helpers.written_results import FPS, ROW, SIZE, csv_of
+from ssiam.addresses import display_name, redact_words
+from ssiam.cli.boxes import parse_boxes
+from ssiam.cli.moments import parse_moment
+from ssiam.datasets import open_dataset
+from ssiam.errors import SsiamError
+from ssiam.evaluation.runs.identity import read_identity
+from ssiam.evaluation.runs.result_files import read_boxes, read_vot
+from ssiam.evaluation.runs.shaken_results import read_shake
+from ssiam.exchange import EXPORT_KINDS, read_annotations, write_exports
+from ssiam.geometry import check_box
+from ssiam.motion import Motion
+from ssiam.parsing import parse_json, parse_rate
+from ssiam.runtime.manifest import Manifest
+from ssiam.video import open_source
+from ssiam.video.source_files import check_distinct_from_source
+from ssiam.web.feeds.pushed import decode_jpeg
+from ssiam.web.mavlink.commands import CommandReader
+from ssiam.web.recording_files import RecordingFolder
+from ssiam.web.server.guard import Access
+from ssiam.web.server.incoming import parse_message
+
+_IMAGE = np.tile(np.arange(24, dtype=np.uint8)[:, None, None] * 9, (1, 32, 3))
+_SETTINGS = b"""seed = 1
+steps = 10
+batch = 4
+[[sources]]
+layout = "davis"
+path = "x"
+weight = 1.5
+[optimiser]
+lr = 0.001
+"""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader or socket.
+
+    Attributes
+    ----------
+    name : str
+    seeds : tuple of bytes
+        Valid inputs.
+    read : callable
+        Reads one input; raises `SsiamError` or nothing.
+    share : int
+        How often it is drawn: slow ones less.
+    """
+
+    name: str
+    seeds: tuple[bytes, ...]
+    read: Callable[[bytes], object]
+    share: int = 8
+
+
+def all_targets(folder: Path) -> list[Target]:
+    """Every reader and socket; they write their inputs into `folder`."""
+    return [
+        *_result_targets(folder / "results"),
+        *_dataset_targets(folder / "datasets"),
+        *_image_targets(folder / "images"),
+        *_text_targets(folder / "texts"),
+        *_socket_targets(),
+        *_network_targets(folder / "networks"),
+    ]
+
+
+def _in_file(path: Path, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+
+    def read_bytes(data: bytes) -> object:
+        path.write_bytes(data)
+        return read(path)
+
+    return read_bytes
+
+
+def _text(read: Callable[[str], object]) -> Callable[[bytes], object]:
+    return lambda data: read(data.decode("utf-8", "surrogateescape"))
+
+
+def _result_targets(folder: Path) -> Iterable[Target]:
+    def export(path: Path) -> None:
+        annotations = read_annotations(path, SIZE, FPS)
+        if annotations.frame_count < 2000:
+            for kind in EXPORT_KINDS:
+                write_exports(annotations, folder / "out", kind)
+
+    rows = csv_of({}, {"frame": "4", "lost": "1"}, {"target": "2"}).encode()
+    line = json.dumps({key: float(value) if value else None for key, value in ROW.items()})
+    yield Target("results.csv", (rows,), _in_file(folder / "r.csv", export))
+    yield Target(
+        "results.jsonl", (line.encode() * 1 + b"\n",), _in_file(folder / "r.jsonl", export)
+    )
+    vot = (b"1\n10,20,30,40\n2\n0\n1,2,3,4,5,6,7,8\n", b"1\n1.5,2.5,3,4\nnan,nan,nan,nan\n")
+    yield Target("results of VOT", vot, _in_file(folder / "a_001.txt", read_vot))
+    boxes = (b"1,2,3,4\n5,6,7,8\n", b"1\t2\t3\t4\n")
+    yield Target("results of OTB", boxes, _in_file(folder / "a.txt", read_boxes))
+    identity = {"weights_sha256": "0" * 64, "runtime": "openvino", "device": "cpu"}
+    identity |= {"precision": "f32", "threads": 1}
+    run = json.dumps(identity).encode()
+    yield Target(
+        "run.json", (run,), _in_file(folder / "t/run.json", lambda p: read_identity(p.parent))
+    )
+    shake = {"strength": 0.03, "kind": "handheld", "seed": 0, "exposure": 0.0, "readout": 0.0}
+    text = json.dumps(shake | {"border": "reflect"}).encode()
+    yield Target(
+        "shake.json", (text,), _in_file(folder / "t/shake.json", lambda p: read_shake(p.parent))
+    )
+    recording = {"fps": "30000/1001", "size_wh": [64, 48], "frames": 5, "seconds": 0.2}
+    recording |= {"names": {"1": "boat"}, "whole": True, "error": ""}
+
+    def read_recording(path: Path) -> object:
+        return RecordingFolder(path.parent).read_metadata()
+
+    yield Target(
+        "recording.json",
+        (json.dumps(recording).encode(),),
+        _in_file(folder / "rec/recording.json", read_recording),
+    )
+
+
+def _dataset_targets(folder: Path) -> Iterable[Target]:
+    def layout(name: str, file: Path, root: Path, kind: str | None = None) -> Target:
+        def read(_: Path) -> None:
+            dataset = open_dataset(root, kind)
+            for each in islice(dataset.sequences, 3):
+                sequence = dataset.sequences[each]
+                list(islice(sequence.images(), 1))
+
+        return Target(name, (file.read_bytes(),), _in_file(file, read), 4)
+
+    otb = on_disk.write_otb(folder / "otb", "Car", range(1, 4), on_disk.boxes(3))
+    yield layout("OTB", otb / "groundtruth_rect.txt", folder / "otb")
+    on_disk.write_vot(folder / "vot", "bag", polygon=True)
+    yield layout("VOT", folder / "vot/bag/groundtruth.txt", folder / "vot")
+    on_disk.write_uav123(folder / "uav", "bike1", "bike1", range(1, 4), on_disk.boxes(3))
+    yield layout("UAV123", folder / "uav/anno/UAV123/bike1.txt", folder / "uav")
+    got10k = on_disk.write_got10k(folder / "got", "val", 1)
+    yield layout("GOT-10k", got10k / "groundtruth.txt", folder / "got")
+    yield layout("GOT-10k list", folder / "got/val/list.txt", folder / "got")
+    lasot = on_disk.write_lasot(folder / "lasot", "airplane-1")
+    yield layout("LaSOT", lasot / "groundtruth.txt", folder / "lasot")
+    yield layout("LaSOT flags", lasot / "full_occlusion.txt", folder / "lasot")
+    lines = [(frame, 1, 2, 3, 5, 4, 1, 1, 1) for frame in range(1, 5)]
+    mot = on_disk.write_mot(folder / "mot", "MOT17-02", lines)
+    yield layout("MOT", mot / "gt/gt.txt", folder / "mot")
+    yield layout("MOT seqinfo", mot / "seqinfo.ini", folder / "mot")
+    (folder / "pysot").mkdir()
+    pysot = write_pysot_json(folder / "pysot/VOT2018.json", {"bag": 2})
+    yield layout("pysot", pysot, pysot)
+
+
+def _image_targets(folder: Path) -> Iterable[Target]:
+    def frames(path: Path) -> None:
+        with suppress(StopIteration), open_source(path) as source:
+            for _ in range(4):
+                next(source)
+
+    def encoded(suffix: str, *flags: int) -> bytes:
+        return cv2.imencode(suffix, _IMAGE, flags)[1].tobytes()
+
+    still = tuple(encoded(suffix) for suffix in (".png", ".jpg", ".bmp", ".webp"))
+    yield Target("image", still, _in_file(folder / "still/a.png", lambda p: frames(p.parent)))
+    pages = cv2.imencodemulti(".tiff", [_IMAGE, _IMAGE[..., 0]])[1].tobytes()
+    tiff = (pages, encoded(".tiff", cv2.IMWRITE_TIFF_COMPRESSION, 1))
+    yield Target("TIFF", tiff, _in_file(folder / "a.tiff", frames))
+    for suffix, codec in (("mp4", "libx264"), ("avi", "mjpeg"), ("mkv", "ffv1"), ("gif", "gif")):
+        data = _video(suffix, codec)
+        yield Target(suffix, (data,), _in_file(folder / f"clip.{suffix}", frames), 1)
+    playlist = b"#EXTM3U\n#EXTINF:1,\nclip.mp4\n"
+    concat = b"ffconcat version 1.0\nfile clip.mp4\n"
+
+    def check(path: Path) -> None:
+        check_distinct_from_source([("--out", folder / "o.mp4")], str(path))
+
+    yield Target("playlist", (playlist, concat), _in_file(folder / "l.m3u8", check))
+    yield Target("browser's JPEG", (encoded(".jpg"),), decode_jpeg)
+
+
+def _video(suffix: str, codec: str) -> bytes:
+    file = io.BytesIO()
+    formats = {"mkv": "matroska"}
+    with av.open(file, "w", format=formats.get(suffix, suffix)) as container:
+        stream = container.add_stream(codec, rate=25)
+        stream.width, stream.height = 64, 48
+        stream.pix_fmt = {"mjpeg": "yuvj420p", "gif": "rgb8"}.get(codec, "yuv420p")
+        for shade in (20, 90, 200):
+            frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), shade, np.uint8), "bgr24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return file.getvalue()
+
+
+def _text_targets(folder: Path) -> Iterable[Target]:
+    boxes = b"frame,x,y,w,h\n0,1,2,3,4\n12,5,6,7,8\n"
+    yield Target(
+        "boxes.csv", (boxes,), _in_file(folder / "b.csv", lambda p: parse_boxes([f"@{p}"]))
+    )
+    words = (b"10,20,30,40", b"300:1,2,3,4", b"0:12:1,2,3,4", b"12s:1,2,3,4")
+    yield Target("box", words, _text(lambda text: parse_boxes([text.replace("@", "")])))
+    yield Target("moment", (b"300", b"12.5s", b"1:02:03.5"), _text(parse_moment))
+    addresses = (b"rtsp://user:pass@host:554/a?b=c#d", b"http://[::1]:80/x", b"file:///a%20b")
+
+    def redact(text: str) -> object:
+        return display_name(text), redact_words(text, [text])
+
+    yield Target("address", addresses, _text(redact))
+    yield Target("JSON", (b'{"a": [1, 2.5, "\\u00e9"]}',), _or_value_error(parse_json))
+    yield Target("rate", (b"30000/1001", b"29.97"), _or_value_error(_text(parse_rate)))
+
+    def numbers(text: str) -> list[float]:
+        values = []
+        for word in text.split(","):
+            with suppress(ValueError):
+                values.append(float(word))
+        return values
+
+    def box(text: str) -> None:
+        check_box(numbers(text), (64, 48))
+
+    def motion(text: str) -> None:
+        values = numbers(text)
+        Motion.from_transform(np.resize(values or [0.0], (3, 3)), (64, 48)).shift_angle  # noqa: B018
+
+    yield Target("target box", (b"10,20,30,40",), _text(box))
+    yield Target("motion", (b"1,0.1,5,-0.1,1,3,0.0001,0,1",), _text(motion))
+
+
+def _or_value_error(read: Callable[[bytes], object]) -> Callable[[bytes], object]:
+    """`ssiam.parsing` is below the errors: its functions raise `ValueError`."""
+
+    def checked(data: bytes) -> None:
+        with suppress(ValueError):
+            read(data)
+
+    return checked
+
+
+def _socket_targets() -> Iterable[Target]:
+    messages = tuple(json.dumps(message).encode() for _, message, _ in message_fuzz.GOOD)
+    yield Target("page's message", messages, _text(parse_message))
+    access = Access(8000, frozenset({"cam.local"}), token="secret")
+
+    def headers(text: str) -> None:
+        access.accepts_host(text)
+        access.accepts_token(text)
+
+    yield Target("Host and token", (b"localhost:8000", b"[::1]:8000", b"secret"), _latin(headers))
+    reader = CommandReader(255, 100)
+    yield Target(
+        "MAVLink", (_packet(),), lambda data: list(reader.commands(data, is_complete=True))
+    )
+
+
+def _latin(read: Callable[[str], object]) -> Callable[[bytes], object]:
+    return lambda data: read(data.decode("latin-1"))
+
+
+def _packet() -> bytes:
+    from pymavlink.dialects.v20 import common as mavlink
+
+    sender = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
+    message = mavlink.MAVLink_command_long_message(255, 100, 2004, 0, 0.5, 0.5, 0.1, 0, 0, 0, 0)
+    return bytes(message.pack(sender))
+
+
+def _network_targets(folder: Path) -> Iterable[Target]:
+    manifest = {"name": "siamfc", "network": "siamfc", "sha256": "0" * 64, "pieces": ["template"]}
+    text = json.dumps(manifest | {"precision": "f32", "opset": 17, "ssiam": "1"}).encode()
+    yield Target(
+        "network.json",
+        (text,),
+        _in_file(folder / "network.json", lambda p: Manifest.read(p.parent)),
+    )
+    import torch
+
+    from ssiam.networks.checkpoints import read_checkpoint
+    from ssiam.training.config import read_config
+
+    def saved(zipped: bool) -> bytes:
+        file = io.BytesIO()
+        state = {"state_dict": {"a.weight": torch.zeros(3, 2)}, "epoch": 3}
+        torch.save(state, file, _use_new_zipfile_serialization=zipped)
+        return file.getvalue()
+
+    pth = (saved(True), saved(False))
+    yield Target("checkpoint", pth, _in_file(folder / "a.pth", read_checkpoint), 4)
+    yield Target("config", (_SETTINGS,), _in_file(folder / "c.toml", read_config))
+    yield from _training_targets(folder / "training")
+
+
+def _training_targets(folder: Path) -> Iterable[Target]:
+    from helpers.sets_on_disk import BOX, open_set, write_coco, write_voc
+    from ssiam.training.data.images import read_labels
+
+    def set_of(layout: str, path: Path, file: Path, seeds: tuple[bytes, ...] = ()) -> Target:
+        read = _in_file(file, lambda _: open_set(layout, path))
+        return Target(f"training set {layout}", seeds or (file.read_bytes(),), read, 4)
+
+    voc = write_voc(folder / "voc", {"1": [("car", ("20", "30", "60", "50"))]})
+    yield set_of("voc", voc, voc / "Annotations/1.xml")
+    polygon = [10.0, 10.0, 40.0, 10.0, 40.0, 40.0]
+    entry = {"image_id": 1, "bbox": list(BOX), "segmentation": [polygon], "iscrowd": 0}
+    counts = {"counts": "04N02", "size": [24, 32]}
+    coco = write_coco(folder / "coco", [entry, entry | {"segmentation": counts}])
+    yield set_of("coco", coco, coco)
+    (folder / "yolo/images").mkdir(parents=True)
+    cv2.imwrite(str(folder / "yolo/images/1.png"), _IMAGE)
+    lines = (b"0 0.5 0.5 0.2 0.2\n1 0.1 0.1 0.4 0.1 0.4 0.4\n",)
+    meta = {"videos": {"v": {"objects": {"1": {"category": "cat", "frames": ["00000"]}}}}}
+    for inner in ("JPEGImages", "Annotations"):
+        (folder / "youtube" / inner / "v").mkdir(parents=True)
+        cv2.imwrite(str(folder / "youtube" / inner / "v/00000.png"), _IMAGE[..., 0])
+        cv2.imwrite(str(folder / "youtube" / inner / "v/00000.jpg"), _IMAGE)
+    youtube = (json.dumps(meta).encode(),)
+    yield set_of("youtube_vos", folder / "youtube", folder / "youtube/meta.json", youtube)
+    track = folder / "tracks/park/1"
+    track.mkdir(parents=True)
+    for number in (1, 2):
+        cv2.imwrite(str(track / f"{number:08}.png"), _IMAGE)
+    (track / "groundtruth.txt").write_text("1,2,5,6\n2,3,5,6\n")
+    (track / "absence.label").write_text("0\n0\n")
+    regions = [[0, 0, 32, 24, 1.0], [0, 0, 32, 24, 1.0]]
+    park = {"video": "park", "track_id": 1, "category": "person", "frames": [0, 3]}
+    park["crop_windows_x0y0x1y1_scale"] = regions
+    tracks = (json.dumps(park).encode(),)
+    yield set_of("tracks", folder / "tracks", track / "meta.json", tracks)
+    labels = cv2.imencode(".png", _IMAGE[..., 0])[1].tobytes()
+    yield Target("labels", (labels,), _in_file(folder / "labels.png", read_labels))
+    yield set_of("yolo", folder / "yolo", folder / "yolo/labels/1.txt", lines)
+
+
+def failure(target: Target, data: bytes) -> Exception | None:
+    """What a target raises for an input, unless that is a `SsiamError`."""
+    try:
+        target.read(data)
+    except SsiamError:
+        return None
+    except Exception as error:
+        return error
+    return None

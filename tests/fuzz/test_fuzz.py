@@ -1,0 +1,49 @@
+"""Damaged inputs raise a `SsiamError` or nothing; some seconds of what `make fuzz` does."""
+
+from pathlib import Path
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("torch")
+pytest.importorskip("pymavlink")
+
+from fuzz.mutations import mutated
+from fuzz.targets import all_targets, failure
+
+CORPUS = Path(__file__).parent / "corpus"
+
+
+@pytest.fixture(scope="module")
+def targets(tmp_path_factory):
+    return {target.name: target for target in all_targets(tmp_path_factory.mktemp("fuzz"))}
+
+
+@settings(
+    derandomize=True,
+    max_examples=150,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+@given(number=st.integers(0, 2**32), position=st.integers(0, 2**16))
+def test_damaged_inputs(targets, number, position):
+    random, quick = Random(number), [each for each in targets.values() if each.share > 1]
+    target = quick[position % len(quick)]
+    data = mutated(random, random.choice(target.seeds))
+    error = failure(target, data)
+    assert error is None, f"{target.name}: {error!r} for {data[:200]!r}"
+
+
+def test_valid_inputs(targets):
+    for target in targets.values():
+        for seed in target.seeds:
+            assert failure(target, seed) is None, target.name
+
+
+@pytest.mark.parametrize("path", sorted(CORPUS.glob("*")), ids=lambda path: path.name)
+def test_inputs_that_were_found(targets, path):
+    target = targets[path.name.partition("--")[0]]
+    assert failure(target, path.read_bytes()) is None
