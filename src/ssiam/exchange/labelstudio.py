@@ -26,6 +26,7 @@ from ssiam.exchange.annotations import (
 )
 from ssiam.exchange.tool_files import finite, read_file, whole
 from ssiam.outputs import atomic_write
+from ssiam.parsing import parse_json
 
 _PERCENT_DECIMALS = 6
 _TIME_DECIMALS = 6
@@ -256,8 +257,8 @@ def _region(
 
 def _results(path: Path) -> list[dict[str, Any]]:
     try:
-        tasks = json.loads(read_file(path))
-    except (ValueError, RecursionError) as error:
+        tasks = parse_json(read_file(path))
+    except ValueError as error:
         raise AnnotationsError(f"{path}: is not JSON ({error}); is it cut off?") from None
     tasks = [tasks] if isinstance(tasks, dict) else tasks
     if not isinstance(tasks, list) or not all(isinstance(task, dict) for task in tasks):
