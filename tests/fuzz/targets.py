@@ -26,15 +26,17 @@ from ssiam.errors import SsiamError
 from ssiam.evaluation.runs.identity import read_identity
 from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 from ssiam.evaluation.runs.shaken_results import read_shake
-from ssiam.exchange import EXPORT_KINDS, read_annotations, write_exports
+from ssiam.exchange import EXPORT_KINDS, read_annotations, read_corrections, write_exports
 from ssiam.geometry import check_box
 from ssiam.motion import Motion
 from ssiam.parsing import parse_json, parse_rate
 from ssiam.runtime.manifest import Manifest
 from ssiam.video import open_source
+from ssiam.video.mask_codec import decode_mask, encode_mask
 from ssiam.video.source_files import check_distinct_from_source
 from ssiam.web.feeds.pushed import decode_jpeg
 from ssiam.web.mavlink.commands import CommandReader
+from ssiam.web.picking.service import PickService
 from ssiam.web.recording_files import RecordingFolder
 from ssiam.web.server.guard import Access
 from ssiam.web.server.incoming import parse_message
@@ -112,6 +114,7 @@ def _result_targets(folder: Path) -> Iterable[Target]:
     yield Target(
         "results.jsonl", (line.encode() * 1 + b"\n",), _in_file(folder / "r.jsonl", export)
     )
+    yield from _correction_targets(folder)
     vot = (b"1\n10,20,30,40\n2\n0\n1,2,3,4,5,6,7,8\n", b"1\n1.5,2.5,3,4\nnan,nan,nan,nan\n")
     yield Target("results of VOT", vot, _in_file(folder / "a_001.txt", read_vot))
     boxes = (b"1,2,3,4\n5,6,7,8\n", b"1\t2\t3\t4\n")
@@ -138,6 +141,27 @@ def _result_targets(folder: Path) -> Iterable[Target]:
         (json.dumps(recording).encode(),),
         _in_file(folder / "rec/recording.json", read_recording),
     )
+
+
+def _correction_targets(folder: Path) -> Iterable[Target]:
+    """What annotation tools give back, and masks."""
+    rows = csv_of({}, {"frame": "1", "lost": "1"}, {"target": "2"})
+    (folder / "given.csv").parent.mkdir(parents=True, exist_ok=True)
+    (folder / "given.csv").write_text(rows)
+    annotations = read_annotations(folder / "given.csv", SIZE, FPS)
+    for kind, name in (("cvat", "c.xml"), ("labelstudio", "c.json")):
+        write_exports(annotations, folder / name, kind)
+
+        def read(path: Path) -> object:
+            return read_corrections(path, SIZE, FPS)
+
+        seeds = ((folder / name).read_bytes(),)
+        yield Target(f"corrections of {kind}", seeds, _in_file(folder / f"read-{name}", read), 4)
+
+    mask = np.zeros((24, 32), np.bool_)
+    mask[3:9, 5:20] = True
+    decode = _or_value_error(_text(lambda text: decode_mask(text, (32, 24))))
+    yield Target("mask", (encode_mask(mask).encode(),), decode)
 
 
 def _dataset_targets(folder: Path) -> Iterable[Target]:
@@ -260,6 +284,18 @@ def _or_value_error(read: Callable[[bytes], object]) -> Callable[[bytes], object
 def _socket_targets() -> Iterable[Target]:
     messages = tuple(json.dumps(message).encode() for _, message, _ in message_fuzz.GOOD)
     yield Target("page's message", messages, _text(parse_message))
+    pick = [
+        {"type": "add", "frame": 3, "box": [1, 2, 3, 4], "id": 1},
+        {"type": "click", "frame": 3, "point": [1.5, 2], "ask": 4},
+        {"type": "adjust", "id": 1, "box": [1, 2, 3, 4], "frame": 3},
+        {"type": "absent", "id": 1, "frame": 3},
+        {"type": "seek", "index": 9},
+        {"type": "preview", "id": 1},
+        {"type": "remove", "id": 1, "frame": 3},
+    ]
+    service = PickService(None, lambda count: None)  # `parse` needs no session
+    commands = tuple(json.dumps(message).encode() for message in pick)
+    yield Target("picking page's message", commands, _text(service.parse))
     access = Access(8000, frozenset({"cam.local"}), token="secret")
 
     def headers(text: str) -> None:

@@ -224,7 +224,7 @@ def _parsed(path: Path) -> ElementTree.Element:
         raise AnnotationsError(f"{path}: declares a document type, which CVAT never writes")
     try:
         return ElementTree.fromstring(content)
-    except (ElementTree.ParseError, ValueError) as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # unknown encodings
         raise AnnotationsError(f"{path}: is not XML ({error}); is it cut off?") from None
 
 
