@@ -2,9 +2,9 @@
 
     python scripts/fuzz_atheris.py TARGET [-max_total_time=60 and other options of libFuzzer]
 
-Needs Atheris (`pip install atheris`; Linux). Without a known TARGET the names are printed. The first
-exception that is not a `SsiamError` ends the run; its input is in build/fuzz/. `scripts/fuzz.py`
-damages the inputs of all targets blindly.
+Needs Atheris (`pip install atheris`; Linux). Without a known TARGET the names are printed. The
+first exception that is not a `SsiamError` ends the run; its input is in build/fuzz/.
+`scripts/fuzz.py` damages the inputs of all targets blindly.
 """
 
 from __future__ import annotations
