@@ -14,7 +14,7 @@ __all__ = ["is_number_word", "parse_json", "parse_rate"]
 _RATE: Final = re.compile(r"\s*[0-9]{1,9}(/0*[1-9][0-9]{0,8}|(\.[0-9]{0,12})?([eE][+-]?[0-9])?)\s*")
 
 
-def parse_json(text: str | bytes, *, constants: bool = True) -> Any:
+def parse_json(text: str | bytes, *, constants: bool = True, surrogates: bool = False) -> Any:
     """The value of a JSON text.
 
     Parameters
@@ -23,19 +23,21 @@ def parse_json(text: str | bytes, *, constants: bool = True) -> Any:
         Untrusted.
     constants : bool
         Whether ``NaN`` and ``Infinity``, which are not JSON, are accepted as Python accepts them.
+    surrogates : bool
+        Whether halves of surrogate pairs, which no file can contain, are accepted in strings.
 
     Raises
     ------
     ValueError
         It is not JSON (`json.JSONDecodeError`) or not text, is nested too deeply, has an integer
-        with too many digits, or a string that no file can contain (half of a surrogate pair).
+        with too many digits, or a string with half of a surrogate pair.
     """
     parse_constant: Callable[[str], Any] | None = None if constants else _reject_constant
     try:
         value = json.loads(text, parse_constant=parse_constant)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    if b"\\ud" in (text.encode() if isinstance(text, str) else text).lower():
+    if not surrogates and b"\\ud" in (text.encode() if isinstance(text, str) else text).lower():
         _check_surrogates(value)
     return value
 

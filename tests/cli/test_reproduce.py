@@ -44,7 +44,7 @@ def table(markdown, title):
 def reproduced(tmp_path_factory):
     """The folder in which the page's commands have run, and the exit code of each."""
     folder = tmp_path_factory.mktemp("reproduce")
-    write_vot_folder(folder / "data" / "VOT2018", {"soccer2": 6, "girl": 3})
+    write_vot_folder(folder / "data" / "VOT2018", {"soccer2": 4, "girl": 3})
     write_pysot_json(folder / "data" / "VOT2019.json", {"agility": 2})
     write_otb_folder(folder / "data" / "OTB100", {"Basketball": 3})
     (folder / "siamfc_alexnet_e50.pth").symlink_to(checkpoint("siamfc"))

@@ -106,6 +106,14 @@ def test_the_error_of_an_invalid_message_has_its_ask():
     assert caught.value.ask == 12
 
 
+def test_half_of_a_surrogate_pair_is_refused_where_it_is_used_only():
+    message = {"type": "rename", "id": 1, "name": "\ud800", "ask": 12}
+    with pytest.raises(BadMessage) as caught:
+        parse_message(json.dumps(message))
+    assert caught.value.ask == 12
+    assert parse_message(json.dumps({"type": "pause", "x": "\ud800", "ask": 3})).ask == 3
+
+
 def test_any_text_is_parsed_or_refused():
     outcomes = {"parsed": 0, "bad-message": 0, "bad-box": 0}
     for text in fuzzed(seed=20, count=12_000):

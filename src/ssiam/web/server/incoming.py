@@ -124,7 +124,8 @@ class Fields:
 
     def __init__(self, text: str) -> None:
         try:
-            values = parse_json(text, constants=False)
+            # A string that is not used must not keep a message from being answered.
+            values = parse_json(text, constants=False, surrogates=True)
         except ValueError:
             raise _bad_message("the message is not valid JSON") from None
         if not isinstance(values, dict):
