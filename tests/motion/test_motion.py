@@ -70,19 +70,17 @@ def test_a_transform_is_scaled_to_its_last_number():
     motion = Motion.from_transform(4 * rigid(3, -2, 0.1), SIZE)
     np.testing.assert_allclose(motion.cur_from_prev, rigid(3, -2, 0.1))
     assert (motion.inliers, motion.size_wh) == (1.0, SIZE)
-    swapped = np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0]])
-    np.testing.assert_array_equal(Motion.from_transform(swapped, SIZE).cur_from_prev, swapped)
     mirrored = np.diag([-1.0, 1.0, 1.0])
     np.testing.assert_array_equal(Motion.from_transform(mirrored, SIZE).cur_from_prev, mirrored)
 
 
 def test_a_transform_that_cannot_be_inverted_is_refused():
-    for scale, valid in ((1e-4, True), (1e-5, False)):
+    for scale, valid in ((0.5, True), (1e-4, False), (1e-5, False)):
         matrix = np.diag([scale, scale, 1.0])
         if valid:
             assert Motion.from_transform(matrix, SIZE).reliable
         else:
-            with pytest.raises(ValueError, match="motion is"):
+            with pytest.raises(ValueError, match="motion"):
                 Motion.from_transform(matrix, SIZE)
 
 
