@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from ssiam.cli.moments import PlannedTarget, Span
+from ssiam.cli.moments import PlannedTarget
 from ssiam.cli.track_outputs import Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_records import TrackRecords, inverse_motion
@@ -22,14 +22,16 @@ from ssiam.cli.track_run import (
     report_end,
     selected_frames,
 )
+from ssiam.cli.track_scan import SourceScan
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.cli.track_views import ClipRecord, ViewMotion, Views, first_box, planned_views
+from ssiam.cli.track_views import ViewMotion, first_box, planned_views
 from ssiam.errors import ArgumentError, StreamError
+from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 from ssiam.track import Track
-from ssiam.video.frames import Frame, Source, SourceInfo
-from ssiam.video.reversing import FrameRecord, ReversedFrames, check_reversible
+from ssiam.video.frames import Frame
+from ssiam.video.reversing import FrameRecord, check_reversible
 
 
 def run_backward(
@@ -57,7 +59,8 @@ def run_backward(
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
         count = len(scan.records)
-        outputs.open_video(frames, job.video, _views(job, frames, scan, tracked))
+        views = planned_views(job.video, frames, scan.indexes, tracked.motion, tracked.first_box)
+        outputs.open_video(frames, job.video, views)
         for done, frame in enumerate(selected_frames(frames, scan.span(), ()), 1):
             tracks = tracked.forward(frame.index)
             outputs.write(frame, tracks)
@@ -69,43 +72,17 @@ def run_backward(
         raise scan.fault
 
 
-def _views(job: TrackJob, frames: Source, scan: _Scan, tracked: _BackwardTracks) -> Views:
-    """The views of the video."""
-    indexes = range(scan.first, scan.first + len(scan.records))
-    unknown = Motion.none(frames.size_wh)
-    motions = [tracked.motion(index) or unknown for index in indexes]
-    boxes = [first_box(tracked.forward(index)) for index in indexes]
-    clip = ClipRecord(frames.size_wh, float(frames.fps), scan.first, motions, boxes)
-    return planned_views(job.video, clip)
-
-
-@dataclass
-class _Scan:
-    """What the first pass has found.
+@dataclass(kw_only=True)
+class _Scan(SourceScan):
+    """The first reading.
 
     Attributes
     ----------
-    first : int
-        Index of the first frame of the span.
-    records : list of FrameRecord
-        Of each frame of the span.
     begins : list of int
         Index of the frame in which each target begins.
-    info : SourceInfo
-    fault : StreamError or None
-        Why the source broke off.
     """
 
-    first: int
-    records: list[FrameRecord]
     begins: list[int]
-    info: SourceInfo
-    fault: StreamError | None = None
-
-    def span(self) -> Span:
-        """The frames of the span, by their numbers."""
-        last = self.first + len(self.records) - 1
-        return Span.of_frames(self.first, last)
 
 
 def _scan(job: TrackJob, targets: Sequence[PlannedTarget]) -> _Scan:
@@ -144,7 +121,11 @@ def _scan(job: TrackJob, targets: Sequence[PlannedTarget]) -> _Scan:
                 f"{last}: give a box of an earlier frame"
             )
     return _Scan(
-        first, records, [begins[index] for index in range(len(targets))], frames.info, fault
+        info=frames.info,
+        first=first,
+        records=records,
+        fault=fault,
+        begins=[begins[index] for index in range(len(targets))],
     )
 
 
@@ -156,16 +137,7 @@ def _track(
     progress: Sequence[RunProgress],
 ) -> _BackwardTracks:
     """Track from the last frame of the span to the first."""
-    source = job.source
-    reader = ReversedFrames(
-        source.spec,
-        scan.records,
-        scan.first,
-        scan.info,
-        raw=source.raw,
-        stream=source.stream,
-        levels=source.levels,
-    )
+    reader = scan.reversed_frames(job.source)
 
     def has_begun(index: int, frame: Frame) -> bool:
         return frame.index <= scan.begins[index]
@@ -204,6 +176,10 @@ class _BackwardTracks:
     def motion(self, frame_index: int) -> Motion | None:
         """Camera motion to a frame from the frame before it; None if it was not estimated."""
         return inverse_motion(self._motions.get(frame_index - 1))
+
+    def first_box(self, frame_index: int) -> XYWH | None:
+        """Box of the first target in a frame; None if it is lost or has not begun."""
+        return first_box(self._records.tracks(frame_index))
 
     def forward(self, frame_index: int) -> list[Track | None]:
         """The tracks of a frame, with the camera motion since the frame before it."""

@@ -15,7 +15,6 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from ssiam.cli.moments import Moment, Span
 from ssiam.cli.track_outputs import Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_records import StoredTrack
@@ -25,8 +24,9 @@ from ssiam.cli.track_run import (
     report_end,
     selected_frames,
 )
+from ssiam.cli.track_scan import SourceScan
 from ssiam.cli.track_summary import Summary
-from ssiam.cli.track_views import ClipRecord, ViewMotion, Views, first_box, planned_views
+from ssiam.cli.track_views import ViewMotion, first_box, planned_views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.exchange.annotations import NO_BOX
 from ssiam.exchange.blending import (
@@ -44,9 +44,8 @@ from ssiam.motion import Motion
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import Frame
-from ssiam.video.frames import Source, SourceInfo
 from ssiam.video.results import STDOUT
-from ssiam.video.reversing import FrameRecord, ReversedFrames
+from ssiam.video.reversing import FrameRecord
 
 _UNKNOWN_END: Final = 10**9  # of a source, before it has been read once
 _MOST_DOUBTS: Final = 8  # lines about frames to look at
@@ -113,7 +112,14 @@ def run_corrected(
                 stack.callback(print, f"  {line}", file=file)
         stack.callback(lambda: report_end(job, frames, outputs, summary, progress))
         stack.enter_context(outputs)
-        outputs.open_video(frames, job.video, _views(job, frames, scan, targets[0]))
+        views = planned_views(
+            job.video,
+            frames,
+            scan.indexes,
+            scan.view_motions.get,
+            lambda index: first_box([targets[0].track(index)]),
+        )
+        outputs.open_video(frames, job.video, views)
         for done, frame in enumerate(selected_frames(frames, scan.span(), ()), 1):
             tracks = [target.track(frame.index) for target in targets]
             outputs.write(frame, tracks)
@@ -127,55 +133,30 @@ def run_corrected(
     return lines
 
 
-def _views(job: TrackJob, frames: Source, scan: _Scan, first: _CorrectedTarget) -> Views:
-    """The views of the video; `first` is the first target."""
-    indexes = range(scan.first, scan.first + len(scan.records))
-    unknown = Motion.none(frames.size_wh)
-    motions = [scan.view_motions.get(index, unknown) for index in indexes]
-    boxes = [first_box([first.track(index)]) for index in indexes]
-    clip = ClipRecord(frames.size_wh, float(frames.fps), scan.first, motions, boxes)
-    return planned_views(job.video, clip)
-
-
-@dataclass
-class _Scan:
-    """What the first pass has found.
+@dataclass(kw_only=True)
+class _Scan(SourceScan):
+    """The first reading.
 
     Attributes
     ----------
-    info : SourceInfo
     size_wh : (int, int)
+        Width and height of the frames, pixels.
     runs : list of dict
         Tracks of the forward runs of each target, by the frames of their keyframes.
-    first : int
-        Index of the first frame of the span.
-    records : list of FrameRecord
-        Of each frame of the span.
     motions : dict of int to Motion or None
         Camera motion to each frame.
     view_motions : dict of int to Motion
         Camera motion to each frame, for the video; empty if that needs none.
-    fault : StreamError or None
-        Why the source broke off.
     """
 
-    info: SourceInfo
     size_wh: tuple[int, int]
     runs: list[dict[int, _Stored]]
-    first: int = 0
-    records: list[FrameRecord] = field(default_factory=list)
     motions: dict[int, Motion | None] = field(default_factory=dict)
     view_motions: dict[int, Motion] = field(default_factory=dict)
-    fault: StreamError | None = None
-
-    def span(self) -> Span:
-        """The frames of the span, by their numbers."""
-        last = self.first + len(self.records) - 1
-        return Span(*(Moment(str(index), frame=index) for index in (self.first, last)))
 
     def sections(self, keyframes: Sequence[Keyframe], number: int) -> list[Section]:
         """The sections of a target; raises `ArgumentError` as `sections`, with its number."""
-        return _sections(keyframes, number, self.first, self.first + len(self.records) - 1)
+        return _sections(keyframes, number, self.indexes.start, self.indexes.stop - 1)
 
 
 def _check_keyframe(keyframe: Keyframe, number: int, size_wh: tuple[int, int]) -> None:
@@ -312,7 +293,7 @@ def _track_forward(
 ) -> _Scan:
     """Track forward from every keyframe to the next one."""
     with job.source.open() as frames:
-        scan = _Scan(frames.info, frames.size_wh, [{} for _ in keyframes])
+        scan = _Scan(info=frames.info, size_wh=frames.size_wh, runs=[{} for _ in keyframes])
         runs: _RunSet | None = None
         camera = ViewMotion() if job.needs_motion else None
         try:
@@ -349,21 +330,11 @@ def _track_backward(
 ) -> list[dict[int, _Stored]]:
     """Track backward from every keyframe to the one before it; as `_Scan.runs`."""
     found: list[dict[int, _Stored]] = [{} for _ in keyframes]
-    last = scan.first + len(scan.records) - 1
-    planned = _planned(keyframes, found, scan.first, last, Section.backward_ends)
+    first, last = scan.indexes.start, scan.indexes.stop - 1
+    planned = _planned(keyframes, found, first, last, Section.backward_ends)
     runs = _RunSet(job.new_group(), planned)
-    source = job.source
-    reader = ReversedFrames(
-        source.spec,
-        scan.records,
-        scan.first,
-        scan.info,
-        raw=source.raw,
-        stream=source.stream,
-        levels=source.levels,
-    )
     count = len(scan.records)
-    for done, frame in enumerate(reader, 1):
+    for done, frame in enumerate(scan.reversed_frames(job.source), 1):
         with summary.timer:
             runs.step(frame)
         summary.add_failures(frame.index, runs.failures)

@@ -18,7 +18,6 @@ from ssiam.cli.track_records import TrackRecords
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
 from ssiam.cli.track_views import (
-    ClipRecord,
     VideoOptions,
     ViewMotion,
     first_box,
@@ -228,14 +227,20 @@ class SecondPass:
     def _write(self, count: int) -> None:
         job = self._job
         frames = self._stack.enter_context(job.source.open(sound=True))
-        motions, boxes = self._motions[:count], self._boxes[:count]
-        clip = ClipRecord(frames.size_wh, float(frames.fps), self._first, motions, boxes)
-        self._outputs.open_video(frames, job.video, planned_views(job.video, clip))
-        span = Span.of_frames(self._first, self._last)
+        first = self._first
+        views = planned_views(
+            job.video,
+            frames,
+            range(first, first + count),
+            lambda index: self._motions[index - first],
+            lambda index: self._boxes[index - first],
+        )
+        self._outputs.open_video(frames, job.video, views)
+        span = Span.of_frames(first, self._last)
         # Closed before the source: the other thread may still decode.
         with closing(_decoded_ahead(selected_frames(frames, span, ()))) as selected:
             for done, frame in enumerate(selected, 1):
-                motion = self._motions[frame.index - self._first]
+                motion = self._motions[frame.index - first]
                 self._outputs.write_video(frame, self._records.tracks(frame.index), motion)
                 for each in self._progress:
                     each.advance(count + done, 2 * count, None)

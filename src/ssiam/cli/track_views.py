@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol, TypeAlias
 
@@ -26,7 +26,7 @@ from ssiam.render import (
 )
 from ssiam.render.locked_config import Aspect, Position, Zoom
 from ssiam.track import Track
-from ssiam.video import Frame, Overlay
+from ssiam.video import Frame, Overlay, Source
 
 OUTPUT_GROUP = Group("Output", sort_key=2)
 
@@ -182,32 +182,6 @@ class LiveLockedViews:
         return f"without delay, {self._distance.note}"
 
 
-@dataclass(frozen=True)
-class ClipRecord:
-    """What the first pass has found about a clip.
-
-    Attributes
-    ----------
-    size_wh : (int, int)
-        Width and height of the frames, pixels.
-    fps : float
-        Frames per second.
-    first : int
-        Index of the first frame.
-    motions : sequence of Motion
-        Camera motion to each frame from `first` on.
-    boxes : sequence of (x, y, w, h) or None
-        The first target in each frame from `first` on, raw-frame pixels; None where it is lost or
-        has not begun.
-    """
-
-    size_wh: tuple[int, int]
-    fps: float
-    first: int
-    motions: Sequence[Motion]
-    boxes: Sequence[XYWH | None]
-
-
 class ClipViews:
     """Views of a virtual camera whose path was planned for a whole clip.
 
@@ -236,22 +210,43 @@ def first_box(tracks: Sequence[Track | None]) -> XYWH | None:
     return None if track is None or track.lost else track.box
 
 
-def planned_views(options: VideoOptions, clip: ClipRecord) -> Views:
-    """The views of a clip that is read twice."""
-    match options.chosen_view:
-        case "raw":
-            return RawViews()
-        case "stabilized":
-            path = ScenePath(clip.motions, clip.size_wh)
-            views, share = stabilized_views(path, clip.fps, crop=Crop.parse(options.crop))
-            return ClipViews(clip.first, views, _cropped(share))
-        case "locked":
-            planned = locked_views(clip.motions, clip.boxes, options.locked, clip.fps)
-            views = [CameraView(matrix, planned.size_wh) for matrix in planned.out_from_raw]
-            distance = _TargetDistance(options.locked)
-            for view, box in zip(views, clip.boxes, strict=True):
-                distance.add(view, box)
-            return ClipViews(clip.first, views, distance.note)
+def planned_views(
+    options: VideoOptions,
+    source: Source,
+    indexes: range,
+    motion_at: Callable[[int], Motion | None],
+    box_at: Callable[[int], XYWH | None],
+) -> Views:
+    """The views of a clip that is read again.
+
+    Parameters
+    ----------
+    options : VideoOptions
+    source : Source
+        Its size and rate are used.
+    indexes : range
+        Of the frames of the clip.
+    motion_at : callable
+        Camera motion to a frame; None if it is unknown. Called if the view needs it.
+    box_at : callable
+        The first target in a frame, raw-frame pixels; None where it is lost or has not begun.
+        Called if the view needs it.
+    """
+    if not options.is_virtual:
+        return RawViews()
+    fps, unknown = float(source.fps), Motion.none(source.size_wh)
+    motions = [motion_at(index) or unknown for index in indexes]
+    if options.chosen_view == "stabilized":
+        path = ScenePath(motions, source.size_wh)
+        views, share = stabilized_views(path, fps, crop=Crop.parse(options.crop))
+        return ClipViews(indexes.start, views, _cropped(share))
+    boxes = [box_at(index) for index in indexes]
+    planned = locked_views(motions, boxes, options.locked, fps)
+    views = [CameraView(matrix, planned.size_wh) for matrix in planned.out_from_raw]
+    distance = _TargetDistance(options.locked)
+    for view, box in zip(views, boxes, strict=True):
+        distance.add(view, box)
+    return ClipViews(indexes.start, views, distance.note)
 
 
 def live_views(options: VideoOptions, size_wh: tuple[int, int], fps: float) -> Views:
