@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssiam.geometry import Transform, frame_center, local_zoom, rigid_parameters
+from ssiam.geometry import Transform, frame_center
 from ssiam.motion import Motion
 from ssiam.render.banded import BandedLeastSquares, Floats
+from ssiam.render.path import Poses, pose_of, scene_from_view
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,37 +30,27 @@ class LeveledPath:
         Turn of the scene in the frame, radians.
     log_zoom : (N,) float64
         Logarithm of the size of the scene in the frame.
-    center_xy : (2,) float64
-        Frame center, pixels.
+    size_wh : (int, int)
+        Width and height of the frames, pixels.
     """
 
     origin_xy: Floats
     roll: Floats
     log_zoom: Floats
-    center_xy: Floats
+    size_wh: tuple[int, int]
 
     def scene_from_raw(self) -> Transform:
         """Maps pixels of each frame to scene coordinates: (N, 3, 3)."""
-        cos, sin = np.cos(self.roll), np.sin(self.roll)
-        shrink = np.exp(-self.log_zoom)
-        matrices = np.zeros((len(self.roll), 3, 3))
-        matrices[:, 0, 0] = matrices[:, 1, 1] = shrink * cos
-        matrices[:, 0, 1], matrices[:, 1, 0] = shrink * sin, -shrink * sin
-        matrices[:, :2, 2] = self.origin_xy - matrices[:, :2, :2] @ self.center_xy
-        matrices[:, 2, 2] = 1
-        return matrices
+        poses = np.column_stack([self.origin_xy, -self.roll, -self.log_zoom])
+        return scene_from_view(poses, self.size_wh)
 
 
-def camera_steps(motion: Motion) -> tuple[float, float, float, float]:
+def camera_steps(motion: Motion) -> Poses:
     """(dx, dy, angle, log zoom) of a motion, at the frame center: pixels and radians.
 
     They are 0 if the motion is not reliable.
     """
-    if not motion.reliable:
-        return 0.0, 0.0, 0.0, 0.0
-    center_xy = frame_center(motion.size_wh)
-    zoom = local_zoom(motion.cur_from_prev, center_xy)
-    return *rigid_parameters(motion.cur_from_prev, center_xy), math.log(zoom)
+    return pose_of(motion.cur_from_prev, motion.size_wh) if motion.reliable else np.zeros(4)
 
 
 def leveled_path(motions: Sequence[Motion], window: float) -> LeveledPath:
@@ -79,8 +70,8 @@ def leveled_path(motions: Sequence[Motion], window: float) -> LeveledPath:
     cos, sin, shrink = np.cos(roll), np.sin(roll), np.exp(-log_zoom)
     dx, dy = steps[:, 0], steps[:, 1]
     shifts = np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1) * shrink[:, None]
-    center_xy = np.array(frame_center(motions[0].size_wh))
-    return LeveledPath(center_xy - np.cumsum(shifts, axis=0), roll, log_zoom, center_xy)
+    size_wh = motions[0].size_wh
+    return LeveledPath(frame_center(size_wh) - np.cumsum(shifts, axis=0), roll, log_zoom, size_wh)
 
 
 def _slow(values: Floats, window: float) -> Floats:

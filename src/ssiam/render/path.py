@@ -70,12 +70,20 @@ def _interpolated_steps(motions: Sequence[Motion]) -> NDArray[np.float64]:
     return steps
 
 
-def _camera_step(motion: Motion) -> tuple[float, float, float, float]:
-    """How the camera moved: shift (pixels of the earlier frame), angle and log zoom."""
+def _camera_step(motion: Motion) -> Poses:
+    """How the camera moved (4,): its shift is in pixels of the earlier frame."""
     prev_from_cur = np.asarray(np.linalg.inv(motion.cur_from_prev), dtype=np.float64)
-    center = frame_center(motion.size_wh)
-    dx, dy, angle = rigid_parameters(prev_from_cur, center)
-    return dx, dy, angle, math.log(local_zoom(prev_from_cur, center))
+    return pose_of(prev_from_cur, motion.size_wh)
+
+
+def pose_of(to_from_from: Transform, size_wh: tuple[int, int]) -> Poses:
+    """A transform as a pose (4,): shift (pixels), angle and log zoom at the center of an image.
+
+    `size_wh` is the width and height of the image, pixels.
+    """
+    center = frame_center(size_wh)
+    dx, dy, angle = rigid_parameters(to_from_from, center)
+    return np.array([dx, dy, angle, math.log(local_zoom(to_from_from, center))])
 
 
 def scene_from_view(poses: Poses, size_wh: tuple[int, int]) -> Transform:

@@ -10,10 +10,10 @@ import numpy as np
 
 from ssiam.copying import DeepCopied
 from ssiam.errors import FrameSizeError
-from ssiam.geometry import IDENTITY, Transform, frame_center, local_zoom, rigid_parameters
+from ssiam.geometry import IDENTITY, Transform
 from ssiam.motion import Motion
 from ssiam.render.crop import AUTO_CROP, Crop, cropped, needed_crop
-from ssiam.render.path import Poses, ScenePath, held_from_moved, scene_from_view
+from ssiam.render.path import Poses, ScenePath, held_from_moved, pose_of, scene_from_view
 from ssiam.render.view import CameraView
 
 SMOOTHING: Final = 1.0  # s; standard deviation of the Gaussian that smooths about as much
@@ -221,14 +221,14 @@ class StabilizedCamera(DeepCopied):
         state, memory = self._state, self._memory
         held_from_raw = state.view_from_raw @ np.linalg.inv(motion.cur_from_prev)
         moved_from_raw = self._moved(held_from_raw, state.speed)
-        left = _camera_pose(moved_from_raw, self._size_wh)
+        left = pose_of(moved_from_raw, self._size_wh)
         speed = state.speed + (1 - memory) ** 2 * left
         view_from_raw = self._moved(moved_from_raw, (1 - memory**2) * left)
         for _ in range(_LIVE_ROUNDS):
             excess = self._excess(view_from_raw)
             if excess <= 0:
                 break
-            pulled = _camera_pose(view_from_raw, self._size_wh)
+            pulled = pose_of(view_from_raw, self._size_wh)
             view_from_raw = self._moved(view_from_raw, excess * pulled)
             speed = speed + excess * self._catch_up * pulled
             if float(needed_crop(view_from_raw, self._size_wh)) <= self._budget:
@@ -249,10 +249,3 @@ class StabilizedCamera(DeepCopied):
         """`view_from_raw` after the virtual camera has moved by `pose` (4,), in its own pixels."""
         moved_from_held = np.linalg.inv(held_from_moved(pose, self._size_wh))
         return np.asarray(moved_from_held @ view_from_raw, dtype=np.float64)
-
-
-def _camera_pose(view_from_raw: Transform, size_wh: tuple[int, int]) -> Poses:
-    """Pose (4,) of the camera in the pixels of a view: shift, angle and log zoom at the center."""
-    center = frame_center(size_wh)
-    dx, dy, angle = rigid_parameters(view_from_raw, center)
-    return np.array([dx, dy, angle, math.log(local_zoom(view_from_raw, center))])
