@@ -325,3 +325,11 @@ def test_results_of_whole_numbers_are_floats():
 def test_what_was_given_in_place_of_a_frame_is_told(frame, shown):
     with pytest.raises(ArgumentError, match=shown):
         g.check_frame(frame)
+
+
+def test_bounds_of_a_mask_are_those_of_its_target():
+    mask = np.zeros((9, 7), dtype=bool)
+    assert g.mask_bounds(mask) == (slice(0, 0), slice(0, 0))
+    mask[2, 5] = mask[6, 3] = True
+    assert g.mask_bounds(mask) == (slice(2, 7), slice(3, 6))
+    assert g.mask_bounds(~mask) == (slice(0, 9), slice(0, 7))

@@ -114,6 +114,17 @@ def map_mask(to_from_from: Transform, mask: Mask, size_wh: tuple[int, int]) -> M
     return cv2.warpPerspective(pixels, to_from_from, size_wh, flags=nearest).astype(np.bool_)
 
 
+def mask_bounds(mask: Mask) -> tuple[slice, slice]:
+    """Rows and columns of the smallest upright box around a mask's target, (H, W) bool.
+
+    Both are ``slice(0, 0)`` for an empty mask.
+    """
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not rows.size:
+        return slice(0, 0), slice(0, 0)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
 def corners_from_xywh(xywh: Sequence[float]) -> Points:
     """Corners (4, 2) of an upright box: top left, top right, bottom right, bottom left."""
     x, y, w, h = xywh

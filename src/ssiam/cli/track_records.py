@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ssiam.geometry import mask_bounds
 from ssiam.motion import Motion
 from ssiam.track import Track
 
@@ -18,8 +19,7 @@ class StoredTrack:
 
     plain: Track
     shape: tuple[int, int] = (0, 0)  # height and width of the mask
-    corner: tuple[int, int] = (0, 0)  # first row and column of its bounds
-    part_shape: tuple[int, int] = (0, 0)  # of its bounds
+    bounds: tuple[slice, slice] = (slice(0, 0), slice(0, 0))  # rows and columns around it
     bits: NDArray[np.uint8] | None = None
 
     @classmethod
@@ -28,27 +28,16 @@ class StoredTrack:
         mask = track.mask
         if mask is None:
             return cls(track)
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        top, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
-        bottom, right = (int(rows[-1]) + 1, int(columns[-1]) + 1) if rows.size else (0, 0)
-        part = mask[top:bottom, left:right]
-        return cls(
-            replace(track, mask=None),
-            (mask.shape[0], mask.shape[1]),
-            (top, left),
-            (bottom - top, right - left),
-            np.packbits(part),
-        )
+        bounds, shape = mask_bounds(mask), (mask.shape[0], mask.shape[1])
+        return cls(replace(track, mask=None), shape, bounds, np.packbits(mask[bounds]))
 
     def track(self) -> Track:
         """The track, with its mask."""
         if self.bits is None:
             return self.plain
-        height, width = self.part_shape
-        part = np.unpackbits(self.bits, count=height * width).reshape(height, width)
         mask = np.zeros(self.shape, dtype=np.bool_)
-        top, left = self.corner
-        mask[top : top + height, left : left + width] = part
+        part = mask[self.bounds]
+        part[:] = np.unpackbits(self.bits, count=part.size).reshape(part.shape)
         return replace(self.plain, mask=mask)
 
 

@@ -7,11 +7,10 @@ from typing import Final, TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ssiam.exchange.annotations import Annotation
-from ssiam.geometry import Mask
-from ssiam.video.mask_codec import decode_mask
+from ssiam.geometry import Mask, mask_bounds
+from ssiam.video.mask_codec import decode_mask, run_lengths
 
 Polygon: TypeAlias = list[tuple[float, float]]
 
@@ -70,11 +69,10 @@ class CvatMask:
 
 def cvat_mask(mask: Mask) -> CvatMask:
     """The form of CVAT; the mask is not empty."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    top, left = int(rows[0]), int(columns[0])
-    part = mask[top : rows[-1] + 1, left : columns[-1] + 1]
+    rows, columns = mask_bounds(mask)
+    part = mask[rows, columns]
     height, width = part.shape
-    return CvatMask(left, top, width, height, _row_runs(part))
+    return CvatMask(columns.start, rows.start, width, height, run_lengths(part.ravel()))
 
 
 def brush_rle(mask: Mask) -> list[int]:
@@ -86,7 +84,7 @@ def brush_rle(mask: Mask) -> list[int]:
     head = [(mask.size * _CHANNELS, 32), (_BYTE_BITS - 1, 5), *((n - 1, 4) for n in _LENGTH_BITS)]
     fields = [f"{value:0{bits}b}" for value, bits in head]
     longest = 1 << _LENGTH_BITS[-1]
-    for index, pixels in enumerate(_row_runs(mask)):
+    for index, pixels in enumerate(run_lengths(mask.ravel())):
         value = f"{_OPAQUE * (index % 2):0{_BYTE_BITS}b}"
         rest = pixels * _CHANNELS
         while rest:
@@ -97,10 +95,3 @@ def brush_rle(mask: Mask) -> list[int]:
     bits = "".join(fields)
     bits += "0" * (-len(bits) % _BYTE_BITS)
     return list(int(bits, 2).to_bytes(len(bits) // _BYTE_BITS, "big"))
-
-
-def _row_runs(mask: Mask) -> list[int]:
-    flat: NDArray[np.bool_] = mask.ravel()
-    changes = np.flatnonzero(np.diff(flat, prepend=False))
-    runs: list[int] = np.diff(changes, prepend=0, append=flat.size).tolist()
-    return runs if runs[-1] or len(runs) == 1 else runs[:-1]

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
 from ssiam.errors import check_choice
-from ssiam.geometry import IDENTITY, Image, Transform, corners_from_xywh, map_points
+from ssiam.geometry import (
+    IDENTITY,
+    Image,
+    Transform,
+    corners_from_xywh,
+    map_points,
+    mask_bounds,
+)
 from ssiam.motion import Motion
 
 Border: TypeAlias = Literal["black", "mirror", "fill"]
@@ -125,16 +132,14 @@ class Renderer(DeepCopied):
                 return
             out_from_neighbor = view.out_from_raw @ neighbor.cur_from_raw
             found = missing & _covered(raw_wh, out_from_neighbor, view.size_wh)
-            rows, columns = np.flatnonzero(found.any(axis=1)), np.flatnonzero(found.any(axis=0))
-            if not rows.size:
+            region = rows, columns = mask_bounds(found)
+            chosen = found[region]
+            if not chosen.size:
                 continue
-            top, bottom = int(rows[0]), int(rows[-1]) + 1
-            left, right = int(columns[0]), int(columns[-1]) + 1
-            out_from_neighbor[:2] -= np.outer((left, top), out_from_neighbor[2])
-            part_wh = right - left, bottom - top
-            part = _warp(neighbor.raw, out_from_neighbor, part_wh, cv2.BORDER_REFLECT_101)
-            chosen = found[top:bottom, left:right]
-            image[top:bottom, left:right][chosen] = part[chosen]
+            out_from_neighbor[:2] -= np.outer((columns.start, rows.start), out_from_neighbor[2])
+            height, width = chosen.shape
+            part = _warp(neighbor.raw, out_from_neighbor, (width, height), cv2.BORDER_REFLECT_101)
+            image[region][chosen] = part[chosen]
             missing &= ~found
 
 

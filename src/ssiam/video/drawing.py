@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssiam.geometry import Image, corners_from_xywh
+from ssiam.geometry import Image, corners_from_xywh, mask_bounds
 from ssiam.track import Track
 
 _Color: TypeAlias = tuple[int, int, int]
@@ -144,10 +144,9 @@ def _draw_trail(canvas: Image, trail: ArrayLike, color: _Color, style: _TextStyl
 
 def _tint(canvas: Image, mask: NDArray[np.bool_], color: _Color) -> None:
     """Blend the color into the pixels of the mask; only their bounding box is touched."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not rows.size:
+    region = mask_bounds(mask)
+    if not mask[region].size:
         return
-    region = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     part, chosen = canvas[region], np.ascontiguousarray(mask[region]).view(np.uint8)
     colored = np.empty_like(part)
     colored[:] = color

@@ -8,12 +8,12 @@ follow; the highest of the last five is the sign. pycocotools calls the text `co
 
 from __future__ import annotations
 
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-Mask: TypeAlias = NDArray[np.bool_]
+from ssiam.geometry import Mask
 
 _ZERO: Final = 48  # code of the character that stands for 0
 _BITS: Final = 5
@@ -23,11 +23,7 @@ _MOST_CHARACTERS: Final = 7  # of a number of 32 bits
 
 def encode_mask(mask: Mask) -> str:
     """The text of a mask (H, W); without the size of the frame."""
-    flat = mask.ravel(order="F")
-    changes = np.flatnonzero(np.diff(flat, prepend=False))
-    runs = np.diff(changes, prepend=0, append=flat.size).tolist()
-    if len(runs) > 1 and runs[-1] == 0:
-        runs.pop()
+    runs = run_lengths(mask.ravel(order="F"))
     characters: list[int] = []
     for index, run in enumerate(runs):
         number = run - runs[index - 2] if index > 2 else run
@@ -38,6 +34,16 @@ def encode_mask(mask: Mask) -> str:
             has_more = number != (-1 if low & _SIGN else 0)
             characters.append(_ZERO + low + _MORE * has_more)
     return bytes(characters).decode("ascii")
+
+
+def run_lengths(flat: NDArray[np.bool_]) -> list[int]:
+    """Lengths of runs of a flat mask (N,), background and target in turn.
+
+    The first is 0 if the mask begins with the target.
+    """
+    changes = np.flatnonzero(np.diff(flat, prepend=False))
+    runs: list[int] = np.diff(changes, prepend=0, append=flat.size).tolist()
+    return runs if runs[-1] or len(runs) == 1 else runs[:-1]
 
 
 def decode_mask(text: str, size_wh: tuple[int, int]) -> Mask:
