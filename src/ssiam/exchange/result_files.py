@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 from ssiam.errors import AnnotationsError, ArgumentError
 from ssiam.exchange.annotations import NO_BOX, Annotation, Annotations
 from ssiam.parsing import parse_json
-from ssiam.video.mask_codec import decode_mask
+from ssiam.video.mask_codec import check_mask
 from ssiam.video.results import COLUMNS, MASK_COLUMN
 
 _Record: TypeAlias = Mapping[str, float | None]
@@ -109,7 +109,7 @@ def _check_frames(
 def _annotation(record: _Record, mask: str | None, size_wh: tuple[int, int]) -> Annotation:
     """The annotation of a line; `ValueError` with the reason if it is invalid."""
     if mask is not None:
-        decode_mask(mask, size_wh)
+        check_mask(mask, size_wh)
     x, y, w, h = (record[name] for name in "xywh")
     points = [record[f"{axis}{number}"] for number in "1234" for axis in "xy"]
     known = [value for value in points if value is not None]

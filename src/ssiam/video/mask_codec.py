@@ -54,12 +54,22 @@ def decode_mask(text: str, size_wh: tuple[int, int]) -> Mask:
     ValueError
         The text is damaged, or the mask is not that of a frame of `size_wh` = (width, height).
     """
+    runs = _checked_runs(text, size_wh)
+    values = np.arange(len(runs)) % 2 == 1
+    return np.repeat(values, runs).reshape(size_wh[::-1], order="F")
+
+
+def check_mask(text: str, size_wh: tuple[int, int]) -> None:
+    """Raise `ValueError` as `decode_mask`, without making the mask."""
+    _checked_runs(text, size_wh)
+
+
+def _checked_runs(text: str, size_wh: tuple[int, int]) -> list[int]:
     width, height = size_wh
     runs = _runs(text)
     if any(run < 0 for run in runs) or sum(runs) != width * height:
         raise ValueError(f"mask is not that of a frame of {width}x{height} pixels")
-    values = np.arange(len(runs)) % 2 == 1
-    return np.repeat(values, runs).reshape((height, width), order="F")
+    return runs
 
 
 def _runs(text: str) -> list[int]:

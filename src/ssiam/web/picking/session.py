@@ -109,9 +109,8 @@ class PickSession:
         self.limits = limits or SessionLimits()
         self.tracker_name = name
         self.chosen, self.seen = threading.Event(), threading.Event()
-        self._tracked: dict[
-            tuple[int, int], Track
-        ] = {}  # by frame and target's id, of the last run
+        # Of the last run, by frame and target's id
+        self._tracked: dict[tuple[int, int], Track] = {}
         self._tracker, self._propose = tracker, propose
         self._is_selectable, self._no_keyframes = is_selectable, no_keyframes
         self._no_second_run = no_second_run
