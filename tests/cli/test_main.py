@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import sys
+
 import pytest
 
 from ssiam.cli import main
@@ -28,3 +31,15 @@ def test_overview_contains_each_summary(capsys, arguments):
 def test_unknown_command_is_named(capsys):
     assert main(["follow"]) == 2
     assert '"follow"' in capsys.readouterr().err
+
+
+def test_an_error_of_the_network_is_not_blamed_on_the_output(monkeypatch):
+    class Unreachable:
+        help_flags = ()
+
+        def __call__(self, words):
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
+
+    monkeypatch.setattr(sys.modules["ssiam.cli.main"], "app", Unreachable())
+    with pytest.raises(ConnectionRefusedError):
+        main(["weights", "list"])

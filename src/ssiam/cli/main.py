@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -18,6 +19,9 @@ from ssiam.errors import IncompleteError, SsiamError, StreamError
 
 SUCCESS, USAGE_ERROR, INCOMPLETE = 0, 2, 3
 INTERRUPTED = 128 + signal.SIGINT
+
+# Of writing to an open stream: a full disk or quota, a file that is too large, a closed descriptor.
+_OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EBADF, errno.EIO)
 
 app = App(
     name="ssiam",
@@ -73,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _discard_output()
         return SUCCESS
     except OSError as error:
-        if error.filename is not None:  # not of a stream that was open
+        if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
             raise
         _discard_output()
         reason = error.strerror or type(error).__name__
