@@ -4,30 +4,25 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from ssiam.errors import ArgumentError  # noqa: E402
 from ssiam.networks.backbones.efficientnet_lite import (  # noqa: E402
     CHANNELS,
     EfficientNetLite0,
 )
 
-LIGHT = pytest.mark.parametrize("light", [False, True], ids=["published stem", "light stem"])
 
-
-@LIGHT
 @pytest.mark.parametrize("side", [127, 255, 256])
-def test_shapes_of_the_levels(side, light):
-    levels = EfficientNetLite0(light=light).eval()(torch.zeros(1, 3, side, side))
+def test_shapes_of_the_levels(side):
+    levels = EfficientNetLite0().eval()(torch.zeros(1, 3, side, side))
     sides = [-(-side // stride) for stride in (4, 8, 16)]
     assert [tuple(level.shape) for level in levels] == [
         (1, channels, n, n) for channels, n in zip(CHANNELS, sides, strict=True)
     ]
 
 
-@LIGHT
-def test_centers_of_the_receptive_fields(light):
+def test_centers_of_the_receptive_fields():
     """Odd sides are padded on both sides by the stem, even ones on the right only."""
     torch.manual_seed(0)
-    backbone = EfficientNetLite0(9, light=light).eval().double()
+    backbone = EfficientNetLite0().eval().double()
     crop = (torch.rand(1, 3, 255, 255, dtype=torch.double) * 255).requires_grad_()
     for number, (stride, first) in enumerate([(4, 2), (8, 6), (16, 14)]):
         (level,) = backbone(crop)[number : number + 1]
@@ -35,17 +30,6 @@ def test_centers_of_the_receptive_fields(light):
         (gradient,) = torch.autograd.grad(level[0, :, cell, cell].sum(), crop)
         field = gradient[0].abs().sum(dim=0).sum(dim=0).nonzero()
         assert float(field.min() + field.max()) / 2 == stride * cell + first
-
-
-@LIGHT
-def test_complete_continues_lower(light):
-    torch.manual_seed(0)
-    backbone = EfficientNetLite0(9, light=light).eval()
-    crop = torch.rand(1, 3, 127, 127) * 255
-    expected = backbone(crop)
-    for count in (2, 3):  # a light stem computes the first two at once
-        levels = backbone.complete(backbone.lower(crop, count))
-        assert all(map(torch.equal, levels, expected))
 
 
 class _FixedStatistics(torch.nn.BatchNorm2d):
@@ -58,10 +42,9 @@ class _FixedStatistics(torch.nn.BatchNorm2d):
         )
 
 
-@LIGHT
-def test_fixed_batch_norms_are_folded_into_the_convolutions(light):
+def test_fixed_batch_norms_are_folded_into_the_convolutions():
     torch.manual_seed(0)
-    backbone = EfficientNetLite0(9, light=light).double().eval()
+    backbone = EfficientNetLite0().double().eval()
     norms = [each for each in backbone.modules() if isinstance(each, torch.nn.BatchNorm2d)]
     for norm in norms:
         for values in (norm.running_mean, norm.running_var, norm.weight.data, norm.bias.data):
@@ -79,8 +62,3 @@ def test_fixed_batch_norms_are_folded_into_the_convolutions(light):
         norm.__class__, norm.training = _FixedStatistics, True
     for actual, expected in zip(folded, levels_and_gradients(), strict=True):
         torch.testing.assert_close(actual, expected, rtol=1e-9, atol=1e-9)
-
-
-def test_too_few_blocks_are_refused():
-    with pytest.raises(ArgumentError, match="blocks 8 of the backbone: give 9 to 11"):
-        EfficientNetLite0(8)

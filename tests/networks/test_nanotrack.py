@@ -8,9 +8,9 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from helpers.seeded_weights import noise_crop  # noqa: E402
-from ssiam.networks.lite2 import Lite2Network  # noqa: E402
+from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.networks.nanotrack import fold_batch_norms  # noqa: E402
-from ssiam.networks.pretrained import load_lite2  # noqa: E402
+from ssiam.networks.pretrained import load_lite  # noqa: E402
 from ssiam.runtime import RuntimeOptions  # noqa: E402
 from ssiam.trackers.nanotrack import NanoTrackNetworks  # noqa: E402
 
@@ -33,8 +33,8 @@ def test_a_batch_norm_is_folded_into_the_preceding_convolution(bias):
 @pytest.mark.parametrize("attention", [0, 2])
 def test_the_untrained_network_is_nanotrack_v3(shared, attention):
     folder = shared("data/weights/nanotrackv3")
-    network = Lite2Network(attention).eval()
-    load_lite2(network, folder / "nanotrackv3.pth")
+    network = LiteNetwork(attention).eval()
+    load_lite(network, folder / "nanotrackv3.pth")
     reference = NanoTrackNetworks.load("nanotrack_v3", folder, RuntimeOptions())
     template, search = noise_crop(1, 127), noise_crop(2, 255)
     (kernel,), (features,) = reference.template(template), reference.search(search)

@@ -6,24 +6,14 @@ torch = pytest.importorskip("torch")
 
 from ssiam.errors import WeightsError  # noqa: E402
 from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0  # noqa: E402
-from ssiam.networks.lite2 import Lite2Network  # noqa: E402
-from ssiam.networks.pretrained import load_imagenet, load_lite2  # noqa: E402
-
-
-def test_a_light_stem_keeps_its_weights(tmp_path):
-    published = EfficientNetLite0().state_dict()
-    torch.save(published, tmp_path / "w.pth")
-    backbone = EfficientNetLite0(9, light=True)
-    before = {key: value.clone() for key, value in backbone.state_dict().items()}
-    load_imagenet(backbone, tmp_path / "w.pth")
-    for key, value in backbone.state_dict().items():
-        assert torch.equal(value, (before if key.startswith("stem.") else published)[key])
+from ssiam.networks.lite import LiteNetwork  # noqa: E402
+from ssiam.networks.pretrained import load_imagenet, load_lite  # noqa: E402
 
 
 def test_published_weights_take_rgb_and_ours_bgr(tmp_path):
     published = EfficientNetLite0().state_dict()
     torch.save({**published, "_fc.bias": torch.zeros(1000)}, tmp_path / "w.pth")
-    backbone = EfficientNetLite0(9)
+    backbone = EfficientNetLite0()
     load_imagenet(backbone, tmp_path / "w.pth")
     ours = backbone.state_dict()
     assert torch.equal(ours["_conv_stem.weight"], published["_conv_stem.weight"].flip(1))
@@ -47,7 +37,7 @@ def test_wrong_imagenet_weights_are_refused(tmp_path, content, message):
     assert "\n" not in str(caught.value)
 
 
-def test_wrong_lite2_weights_are_refused(tmp_path):
+def test_wrong_lite_weights_are_refused(tmp_path):
     torch.save({"ban_head.odd": torch.zeros(1)}, tmp_path / "other.pth")
     with pytest.raises(WeightsError, match="neither this network's nor NanoTrack v3's"):
-        load_lite2(Lite2Network(), tmp_path / "other.pth")
+        load_lite(LiteNetwork(), tmp_path / "other.pth")

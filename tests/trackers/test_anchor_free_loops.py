@@ -1,4 +1,4 @@
-"""The loops of lite, lite2 and NanoTrack, step by step on random maps."""
+"""The loops of lite and NanoTrack, step by step on random maps."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,9 @@ import pytest
 from helpers.stub_networks import Stub
 from helpers.synthetic import generator, golden_video
 from ssiam import FrameView
-from ssiam.trackers import lite, lite2, nanotrack
+from ssiam.trackers import lite, nanotrack
 from ssiam.trackers.confidence import Confidence, box_feature
-from ssiam.trackers.lite import LiteNetworks, LiteTracker
-from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker, Memory
+from ssiam.trackers.lite import LiteNetworks, LiteTracker, Memory
 from ssiam.trackers.nanotrack import NanoTrack, NanoTrackNetworks
 from ssiam.trackers.siamese import SearchParameters
 
@@ -82,32 +81,17 @@ START = (X + 0.3, Y - 0.4, W + 0.7, H)
 
 
 def lite_tracker(**options):
-    search = Stub(lambda t, crop, kernel: [*random_maps(t, 32), np.zeros((1, 1, 64, 64))])
-    networks = LiteNetworks(Stub(lambda t, crop: [crop]), search)
+    search = Stub(lambda t, crop, *kernels: random_maps(t, 15))
+    template = Stub(lambda t, crop: [crop, np.full((1, 1), t, np.float32)])
+    networks = LiteNetworks(template, search)
     confidence = Confidence((0.7, 0.4), -0.2)
     return LiteTracker(networks, PARAMETERS, confidence, distractors=False, **options), networks
 
 
-def lite2_tracker(**options):
-    search = Stub(lambda t, crop, *kernels: random_maps(t, 15))
-    template = Stub(lambda t, crop: [crop, np.full((1, 1), t, np.float32)])
-    networks = Lite2Networks(template, search)
-    tracker = Lite2Tracker(networks, PARAMETERS, Confidence((0.7, 0.4), -0.2), **options)
-    tracker._has_distractors = False
-    return tracker, networks
-
-
-@pytest.mark.parametrize(
-    ("make", "cells", "stride", "first", "minimum"),
-    [
-        pytest.param(lite_tracker, 32, 8, 15.5, (10, 10), id="lite"),
-        pytest.param(lite2_tracker, 15, 16, 7, (10, 10), id="lite2"),
-    ],
-)
-def test_the_loop_of_lite(make, cells, stride, first, minimum):
-    tracker, networks = make(masks=False)
+def test_the_loop_of_lite():
+    tracker, networks = lite_tracker(masks=False)
     x, y, w, h = START
-    reference = Reference((x + w / 2, y + h / 2), (w, h), cells, stride, first, minimum)
+    reference = Reference((x + w / 2, y + h / 2), (w, h), 15, 16, 7)
     tracker.init(FrameView(FRAMES[0]), START)
     side = round(context(w, h))
     np.testing.assert_array_equal(
@@ -116,7 +100,7 @@ def test_the_loop_of_lite(make, cells, stride, first, minimum):
     for t, frame in enumerate(FRAMES[1:], 1):
         side = round(255 / 127 * context(*reference.size))
         crop = crop_of(frame, reference.center, side)
-        scores, qualities, distances = random_maps(t, cells)
+        scores, qualities, distances = random_maps(t, 15)
         score = (sigmoid(scores) * sigmoid(qualities)).ravel()
         offset = half_up_corner(reference.center, side) + side / 2 - reference.center
         best, _, overlap = reference.step(score, distances, 255 / side, offset)
@@ -131,21 +115,17 @@ def test_the_loop_of_lite(make, cells, stride, first, minimum):
         assert (track.mask, track.corners) == (None, None)
 
 
-@pytest.mark.parametrize("make", [lite_tracker, lite2_tracker])
-def test_the_evidence_of_lite_is_within_limits(make, monkeypatch):
-    tracker, networks = make(masks=False)
-    cells = 32 if make is lite_tracker else 15
-    extra = [np.zeros((1, 1, 64, 64))] * (make is lite_tracker)
-    maps = [np.full((1, 1, cells, cells), value, np.float32) for value in (20.0, -20.0)]
-    distances = np.full((1, 4, cells, cells), 30, np.float32)
-    networks.search.answer = lambda t, *inputs: [*maps, distances, *extra]
+def test_the_evidence_of_lite_is_within_limits():
+    tracker, networks = lite_tracker(masks=False)
+    maps = [np.full((1, 1, 15, 15), value, np.float32) for value in (20.0, -20.0)]
+    distances = np.full((1, 4, 15, 15), 30, np.float32)
+    networks.search.answer = lambda t, *inputs: [*maps, distances]
     tracker.init(FrameView(FRAMES[0]), START)
     assert tracker.track(FrameView(FRAMES[1])).evidence == (8, -8)
 
 
-@pytest.mark.parametrize("make", [lite_tracker, lite2_tracker])
-def test_seek_starts_at_the_center_of_its_box(make):
-    tracker, networks = make(masks=False)
+def test_seek_starts_at_the_center_of_its_box():
+    tracker, networks = lite_tracker(masks=False)
     tracker.init(FrameView(FRAMES[0]), START)
     tracker.seek(FrameView(FRAMES[1]), (50.0, 60.0, 40.0, 60.0))
     side = round(255 / 127 * context(40, 60))
@@ -155,9 +135,9 @@ def test_seek_starts_at_the_center_of_its_box(make):
 
 def test_a_small_target_of_lite_may_stay_small():
     tracker, networks = lite_tracker(masks=False)
-    maps = [np.full((1, 1, 32, 32), 20, np.float32)] * 2
-    distances = np.full((1, 4, 32, 32), 12, np.float32)
-    networks.search.answer = lambda t, *inputs: [*maps, distances, np.zeros((1, 1, 64, 64))]
+    maps = [np.full((1, 1, 15, 15), 20, np.float32)] * 2
+    distances = np.full((1, 4, 15, 15), 12, np.float32)
+    networks.search.answer = lambda t, *inputs: [*maps, distances]
     tracker.init(FrameView(FRAMES[0]), (100.0, 90.0, 14.0, 12.0))
     for _ in range(30):
         track = tracker.track(FrameView(FRAMES[1]))
@@ -168,28 +148,10 @@ def test_a_small_target_of_lite_may_stay_small():
     assert track.box[2:] == pytest.approx((10, 10))
 
 
-@pytest.mark.parametrize(("threshold", "inside"), [(0.2, True), (0.3, False)])
-def test_the_threshold_of_a_mask_is_a_probability(threshold, inside):
-    tracker, networks = lite_tracker(mask_threshold=threshold)
-    logits = np.full((1, 1, 64, 64), np.log(0.25 / 0.75), np.float32)
-    networks.search.answer = lambda t, *inputs: [*random_maps(1, 32), logits]
-    tracker.init(FrameView(FRAMES[0]), START)
-    track = tracker.track(FrameView(FRAMES[1]))
-    assert track.mask.any() == inside
-    assert track.corners.shape == (4, 2)
-
-
 def test_defaults_of_lite():
     networks = lite_tracker()[1]
     tracker = LiteTracker(networks)
     assert (tracker._parameters, tracker._confidence) == (lite.PARAMETERS, lite.CONFIDENCE)
-    assert tracker._masks
-    assert tracker._has_distractors
-    assert tracker._threshold_logit == pytest.approx(np.log(0.2 / 0.8))
-    tracker = Lite2Tracker(lite2_tracker()[1])
-    assert (tracker._parameters, tracker._confidence) == (lite2.PARAMETERS, lite2.CONFIDENCE)
-    assert SearchParameters(0.138, 0.3, 0.4) == lite2.PARAMETERS
-    assert Confidence((1.0, 0.5), -1.0) == lite2.CONFIDENCE
     assert tracker._memory == Memory(interval=10, min_score=0.6, max_distractor_share=0.5)
     assert tracker._has_distractors
     assert tracker._box_mask is None
@@ -207,7 +169,7 @@ def test_a_memory_is_due_with_a_score_and_without_a_distractor():
         ([0.8, 0.7, 0.1], 2, False),
         ([0.8, 0.7, 0.1], 0, False),
     ):
-        tracker, networks = lite2_tracker(memory=Memory(interval=interval))
+        tracker, networks = lite_tracker(memory=Memory(interval=interval))
         tracker.init(view, START)
         target = tracker._target
         tracker._update_memory(target, view, boxes, np.array(score), 0)
@@ -286,11 +248,11 @@ def test_seek_of_nanotrack_starts_at_the_center_of_its_box():
 
 
 def test_template_features_are_the_networks_outputs():
-    for make in (lite_tracker, lite2_tracker, nanotrack_tracker):
+    for make in (lite_tracker, nanotrack_tracker):
         tracker, networks, *_ = make()
         tracker.init(FrameView(FRAMES[0]), START)
         outputs = networks.template.answer(1, networks.template.calls[0][0])
         expected = np.concatenate([each.ravel() for each in outputs])
         np.testing.assert_array_equal(tracker.template_feature(), expected)
         assert tracker.template_feature().dtype == np.float64
-    assert nanotrack.SEARCH_SIDE == lite.SEARCH_SIDE == lite2.SEARCH_SIDE == 255
+    assert nanotrack.SEARCH_SIDE == lite.SEARCH_SIDE == 255

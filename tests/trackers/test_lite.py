@@ -1,118 +1,169 @@
-"""The loop of `lite` on a marker, and its masks."""
+"""The loop of `lite` on a marker, and its memory."""
 
-import cv2
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from helpers.stub_networks import Stub, marked
-from helpers.tracker_loops import BOX, LoopTests, marker_frame, moving_marker
+from helpers.tracker_loops import BOX, LoopTests, moving_marker
 from ssiam import FrameView
-from ssiam.geometry import rigid
-from ssiam.trackers.lite import LiteNetworks, LiteTracker
-from ssiam.trackers.lite_mask import pasted_mask
+from ssiam.errors import ArgumentError
+from ssiam.runtime import RuntimeOptions, loading
+from ssiam.trackers.lite import LiteNetworks, LiteTracker, Memory
 
 
-def marker_search():
-    """Search network whose cells return the distances to the marker's edges."""
+def marker_search(distractor=0.0):
+    """Search network with distances to the marker's edges; `distractor` is a corner's score."""
 
-    def answer(t, crop, kernel):
-        score = np.full((1, 1, 32, 32), -8, np.float32)
-        quality = np.full((1, 1, 32, 32), 8, np.float32)
-        distances = np.full((1, 4, 32, 32), 8, np.float32)
-        on_marker = marked(crop[0])
-        rows, columns = np.nonzero(on_marker)
+    def answer(t, crop, *kernels):
+        score = np.full((1, 1, 15, 15), -8, np.float32)
+        quality = np.full((1, 1, 15, 15), 8, np.float32)
+        distances = np.full((1, 4, 15, 15), 8, np.float32)
+        rows, columns = np.nonzero(marked(crop[0]))
         if len(rows):
-            offsets = (np.arange(32) - 15.5) * 8
+            offsets = (np.arange(15) - 7) * 16
             y, x = np.meshgrid(offsets, offsets, indexing="ij")
             left, right = columns.min() - 127.5, columns.max() - 126.5
             top, bottom = rows.min() - 127.5, rows.max() - 126.5
             distances[0] = x - left, y - top, right - x, bottom - y
             distance = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2)
-            score[0, 0][distance < 12] = 8
-        fine = np.zeros((256, 256), np.float32)
-        fine[:255, :255] = on_marker
-        stride4 = fine.reshape(64, 4, 64, 4).mean(axis=(1, 3))[None, None]
-        return [score, quality, distances, (stride4 - 0.5) * 16]
+            score[0, 0][distance < 17] = 8
+        if distractor:
+            score[0, 0, 0, 0] = np.log(distractor / (1 - distractor))
+            distances[0, :, 0, 0] = 8
+        return [score, quality, distances]
 
     return Stub(answer)
 
 
-def networks():
-    return LiteNetworks(Stub(lambda t, crop: [crop]), marker_search())
+def networks(**options):
+    """The context of template number n is n."""
+
+    def template(t, crop):
+        return [crop, np.full((1, 1), t, np.float32)]
+
+    return LiteNetworks(Stub(template), marker_search(**options))
 
 
 class TestLite(LoopTests):
     def tracker(self):
         return LiteTracker(networks())
 
-    @pytest.mark.parametrize("stab_from_raw", [np.eye(3), rigid(9, -6, 0.0), rigid(0, 0, 0.2)])
-    def test_mask_and_corners_match_the_marker(self, stab_from_raw):
-        frames, _ = moving_marker(BOX)
-        tracker = self.tracker()
-        tracker.init(FrameView(frames[0]), BOX)
-        view = FrameView(frames[1], stab_from_raw, border=20)
-        track = tracker.track(view)
-        stabilized = cv2.warpPerspective(frames[1], stab_from_raw, view.size_wh)
-        truth = marked(stabilized.transpose(2, 0, 1).astype(np.float32))
-        assert (track.mask & truth).sum() / (track.mask | truth).sum() > 0.9
-        rows, columns = np.nonzero(truth)
-        center = columns.mean(), rows.mean()
-        assert track.corners.mean(axis=0) == pytest.approx(center, abs=1.0)
 
-    def test_an_empty_mask_gives_the_upright_box(self):
-        tracker, _ = self.started()
-        track = tracker.track(FrameView(np.full_like(marker_frame(BOX), 90)))
-        assert not track.mask.any()
-        x, y, w, h = track.box
-        assert track.corners[[0, 2]] == pytest.approx(np.array([[x, y], [x + w, y + h]]))
+def recent(tracker, frames):
+    """Number of the recent template in each frame."""
+    tracker.init(FrameView(frames[0]), BOX)
+    for frame in frames[1:]:
+        tracker.track(FrameView(frame))
+    return [int(inputs[-1].item()) for inputs in tracker._networks.search.calls]
 
 
-class TestLiteWithoutMask(LoopTests):
-    def tracker(self):
-        return LiteTracker(networks(), masks=False)
-
-    def test_tracks_have_neither_mask_nor_corners(self):
-        frames, _ = moving_marker(BOX)
-        tracker = self.tracker().clone()
-        tracker.init(FrameView(frames[0]), BOX)
-        track = tracker.track(FrameView(frames[1]))
-        assert (track.mask, track.corners) == (None, None)
+FRAMES = [moving_marker(BOX)[0][0]] * 12
 
 
-NOISE = np.random.default_rng(0).normal(0, 4, (1, 1, 64, 64)).astype(np.float32)
-EVERYWHERE = (-5000.0, -5000.0, 10000.0, 10000.0)
-
-
-def test_a_mask_is_pasted_at_its_crop():
-    """A cell covers 4 by 4 pixels in a crop that is not resized."""
-    logits = np.full((1, 1, 64, 64), -20, np.float32)
-    logits[0, 0, 30, 40] = 20
-    mask = pasted_mask(logits, (200.0, 180.0), 255, EVERYWHERE, (400, 300)).full((400, 300))
-    rows, columns = np.nonzero(mask)
-    left, top = 72, 52  # of the crop: whole pixels, rounded from center - 255 / 2
-    assert (rows.mean() - top, columns.mean() - left) == pytest.approx((121.5, 161.5), abs=0.5)
-    assert mask.sum() == pytest.approx(16, abs=8)
+def test_the_recent_template_is_replaced():
+    tracker = LiteTracker(networks(), memory=Memory(interval=4))
+    assert recent(tracker, FRAMES) == [1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3]
 
 
 @pytest.mark.parametrize(
-    "center_xy", [(40.0, 30.0), (-300.0, 100.0), (700.0, 390.0), (200.0, 900.0)]
+    ("memory", "distractor"),
+    [
+        pytest.param(Memory(interval=0), 0.0, id="never"),
+        pytest.param(Memory(interval=4, min_score=1.0), 0.0, id="low score"),
+        pytest.param(Memory(interval=4), 0.6, id="distractor"),
+    ],
 )
-@pytest.mark.parametrize("margin", [0, 50])
-def test_a_mask_is_cut_at_the_edges_of_the_frame(center_xy, margin):
-    """Crops cross the edge of the frame or are outside; the pixels are those of a larger frame."""
-    offset = 1000
-    shifted_xy = center_xy[0] + offset, center_xy[1] + offset
-    larger = pasted_mask(NOISE, shifted_xy, 400, EVERYWHERE, (3000, 3000))
-    whole = larger.full((3000, 3000))[offset : offset + 300, offset : offset + 400]
-    mask = pasted_mask(NOISE, center_xy, 400, EVERYWHERE, (400, 300), margin)
-    assert (mask.full((400, 300)) == whole).all()
+def test_the_recent_template_stays_the_first(memory, distractor):
+    tracker = LiteTracker(networks(distractor=distractor), memory=memory)
+    assert set(recent(tracker, FRAMES)) == {1}
 
 
-def test_a_mask_is_cut_around_the_box():
-    center_xy, size_wh = (200.0, 150.0), (400, 300)
-    whole = pasted_mask(NOISE, center_xy, 300, EVERYWHERE, size_wh).full(size_wh)
-    mask = pasted_mask(NOISE, center_xy, 300, (150.0, 100.0, 100.0, 50.0), size_wh).full(size_wh)
-    near = np.zeros_like(whole)
-    near[95:156, 140:261] = True
-    assert (mask == whole & near).all()
-    assert mask.sum() < whole.sum()
+def test_seek_returns_to_the_first_template():
+    tracker = LiteTracker(networks(), memory=Memory(interval=4))
+    recent(tracker, FRAMES)
+    tracker.seek(FrameView(FRAMES[0]), BOX)
+    assert int(tracker._networks.search.calls[-1][-1].item()) == 1
+
+
+def test_a_clone_has_the_same_memory_settings():
+    tracker = LiteTracker(networks(), memory=replace(Memory(), interval=4))
+    assert tracker.clone()._memory == tracker._memory
+
+
+def test_a_mask_network_is_run_when_the_mask_is_read():
+    mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
+    tracker = LiteTracker(replace(networks(), mask=mask))
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    track = tracker.track(FrameView(FRAMES[1]))
+    assert not mask.calls
+    x, y, w, h = (round(value) for value in track.box)
+    assert track.mask[y + h // 2, x + w // 2]
+    assert len(mask.calls) == 1
+
+
+def test_masks_can_be_switched_off():
+    mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
+    tracker = LiteTracker(replace(networks(), mask=mask), masks=False)
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    assert tracker.track(FrameView(FRAMES[1])).mask is None
+
+
+def test_templates_are_the_crop_around_the_target():
+    tracker = LiteTracker(networks())
+    tracker.init(FrameView(FRAMES[0]), BOX)
+    ((crop,),) = tracker._networks.template.calls
+    assert crop.shape == (1, 3, 127, 127)
+    rows, columns = np.nonzero(marked(crop[0]))
+    assert rows.mean() == pytest.approx(63, abs=1)
+    assert columns.mean() == pytest.approx(63, abs=1)
+
+
+PIECES = {name: Stub(None) for name in ("template", "search", "mask")}
+
+
+@pytest.mark.parametrize("names", [("template", "search"), ("template", "search", "mask")])
+def test_the_networks_are_the_pieces_of_the_weights(monkeypatch, tmp_path, names):
+    calls = []
+
+    def load(weights, network, options):
+        calls.append((weights, network, options))
+        return {name: PIECES[name] for name in names}
+
+    monkeypatch.setattr(loading, "load_pieces", load)
+    options = RuntimeOptions(threads=2)
+    found = LiteNetworks.load(tmp_path, options)
+    assert calls == [(tmp_path, "lite2", options)]
+    assert (found.template, found.search) == (PIECES["template"], PIECES["search"])
+    assert found.mask is (PIECES["mask"] if "mask" in names else None)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            RuntimeOptions("torch"),
+            "tracker lite is in ONNX: choose runtime openvino or onnxruntime",
+        ),
+        (
+            RuntimeOptions(precision="int8"),
+            "tracker lite has no int8 weights: leave precision out",
+        ),
+    ],
+)
+def test_pytorch_and_int8_are_refused(tmp_path, options, message):
+    with pytest.raises(ArgumentError) as caught:
+        LiteNetworks.load(tmp_path, options)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(("taken", "given"), [(2, 2), (3, 3), (4, 4), (0, 4)])
+def test_a_network_gets_as_many_inputs_as_it_takes(taken, given):
+    """Crop, two kernels and the recent template's context."""
+    search = Stub(lambda t, *inputs: list(inputs))
+    search.input_shapes = [(1,)] * taken
+    both = LiteNetworks(Stub(None), search)
+    assert both.responses("crop", ["first", "second"], "recent") == [
+        *("crop", "first", "second", "recent")[:given]
+    ]

@@ -13,6 +13,7 @@ from ssiam.trackers.siamese import (
     boxes_from_distances,
     clamped_state,
     cosine_window,
+    crop_corner,
     crop_tensor,
     flattened,
     foreground_probability,
@@ -208,3 +209,16 @@ def test_tensors_and_probabilities():
     np.testing.assert_allclose(sigmoid(logits), 1 / (1 + np.exp([0.0, -3, 2, -100])))
     np.testing.assert_allclose(cosine_window(3), [0, 0, 0, 0, 1, 0, 0, 0, 0], atol=1e-12)
     assert cosine_window(5)[7] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("center", "side", "corner"),
+    [
+        ((100.0, 80.0), 20, (90, 70)),
+        ((100.0, 80.0), 21, (89, 69)),
+        ((100.5, 80.4), 20, (90, 70)),
+        ((100.5, 80.4), 21, (90, 69)),
+    ],
+)
+def test_the_corner_of_a_crop(center, side, corner):
+    assert tuple(crop_corner(center, side)) == corner

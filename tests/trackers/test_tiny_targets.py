@@ -9,7 +9,7 @@ from helpers.stub_networks import MARKER, Stub, kernels, marker_maps
 from helpers.synthetic import generator
 from ssiam import FrameView
 from ssiam.geometry import iou
-from ssiam.trackers.lite_mask import PastedMask, rotated_box
+from ssiam.trackers.box_mask import PastedMask, rotated_box
 from ssiam.trackers.siamese import TargetState, min_size, min_size_iou
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
 

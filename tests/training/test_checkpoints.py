@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from helpers import toy_training as toy  # noqa: E402
 from ssiam.errors import ArgumentError, WeightsError  # noqa: E402
-from ssiam.networks.lite2 import Lite2Network  # noqa: E402
+from ssiam.networks.lite import LiteNetwork  # noqa: E402
 from ssiam.training.checkpoints import (  # noqa: E402
     CHECKPOINT,
     read_checkpoint,
@@ -69,6 +69,16 @@ def test_a_run_older_than_a_setting_is_resumed(folder):
     assert read_checkpoint(folder, SETTINGS) == {"step": 6}
 
 
+def test_a_run_of_a_former_network_is_another_run(folder):
+    def change(values):
+        values["network"].update(blocks=9, light=True)
+        values["losses"]["mask"] = 1.0
+
+    rewrite_settings(folder, change)
+    with pytest.raises(ArgumentError, match=r"losses.mask is 1.0 there and None here"):
+        read_checkpoint(folder, SETTINGS)
+
+
 def test_a_setting_of_a_later_version_is_a_difference(folder):
     rewrite_settings(folder, lambda values: values["sources"][0].update(shadows=0.5))
     with pytest.raises(ArgumentError, match=r"sources\[0\].shadows is 0.5 there and None here"):
@@ -76,8 +86,7 @@ def test_a_setting_of_a_later_version_is_a_difference(folder):
 
 
 NETWORKS = {
-    "lite": None,
-    "lite2": NetworkSettings("lite2", begin="lite2.pth", frozen_steps=2),
+    "lite": NetworkSettings(begin="lite2.pth", frozen_steps=2),
     "mask": NetworkSettings("mask", weights="backbone.pth"),
 }
 
@@ -87,12 +96,11 @@ def initial_weights(tmp_path, monkeypatch):
     """The files that the settings of the checkpoints name, in the working directory."""
     monkeypatch.chdir(tmp_path)
     toy.backbone_file(tmp_path)
-    torch.save(Lite2Network().state_dict(), "lite2.pth")
+    torch.save(LiteNetwork().state_dict(), "lite2.pth")
 
 
 def toy_settings(kind):
-    network = {} if NETWORKS[kind] is None else {"network": NETWORKS[kind]}
-    return toy.settings("backbone.pth", **network)
+    return toy.settings("", network=NETWORKS[kind])
 
 
 @pytest.mark.parametrize("kind", NETWORKS)
@@ -118,4 +126,4 @@ def test_checkpoints_of_earlier_versions_are_resumed(kind, initial_weights, tmp_
 def test_a_state_of_another_network_is_rejected(initial_weights):
     state = Trainer(toy_settings("mask")).state()
     with pytest.raises(WeightsError, match="the checkpoint is of another network"):
-        Trainer(toy_settings("lite2"), state)
+        Trainer(toy_settings("lite"), state)

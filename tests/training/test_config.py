@@ -55,16 +55,9 @@ def test_values_of_the_example_config():
             f'[losses]\nkind_of_box = "iou"\n{SOURCE}', "choose from giou, log_iou", id="choice"
         ),
         pytest.param("[[sources]]\npath = 'x'\n", r"sources[0].layout is missing", id="layout"),
+        pytest.param(f"[network]\nattention = 1\n{SOURCE}", "give begin", id="no weights"),
         pytest.param(
-            f"[network]\ntrained_levels = 2\n{SOURCE}", "trained_levels 2", id="half a stem"
-        ),
-        pytest.param(
-            f'[network]\nlearns = "mask"\n{SOURCE}', "give begin", id="mask without weights"
-        ),
-        pytest.param(
-            f'[network]\nlearns = "mask"\nbegin = "w"\n[teacher]\nweights = "t"\n{SOURCE}',
-            "a teacher has no masks",
-            id="mask with a teacher",
+            f'[network]\nbegin = "w"\nattention = -1\n{SOURCE}', "attention -1", id="attention"
         ),
     ],
 )

@@ -11,7 +11,6 @@ from ssiam.training.data.crops import (
     crop_image,
     crop_mask,
     excludes,
-    mask_cells,
     region_around,
 )
 
@@ -71,22 +70,6 @@ def test_a_rotated_region_maps_the_center():
     np.testing.assert_allclose(
         np.divide(center, coverage.sum()), region.box_in_crop(box)[:2], atol=0.2
     )
-
-
-def test_mask_cells_are_under_the_box():
-    box = (160, 170, 48, 36)
-    region = region_around(box, 255)
-    cells = mask_cells(crop_mask(mask_with(box), region))
-    assert cells.shape == (64, 64)
-    assert cells.max() == 255
-    assert (cells > 0).sum() > (cells == 255).sum()  # partly covered cells
-    rows, columns = np.nonzero(cells >= 128)
-    cx, cy, w, h = region.box_in_crop(box)
-    # Cell (i, j) covers rows 4 i to 4 i + 3 and columns 4 j to 4 j + 3.
-    assert abs(4 * columns.min() - (127 + cx - w / 2)) <= 2.5
-    assert abs(4 * columns.max() + 4 - (128 + cx + w / 2)) <= 2.5
-    assert abs(4 * rows.min() - (127 + cy - h / 2)) <= 2.5
-    assert abs(4 * rows.max() + 4 - (128 + cy + h / 2)) <= 2.5
 
 
 def test_the_outside_is_the_mean_color_or_the_background():

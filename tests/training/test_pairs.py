@@ -13,18 +13,15 @@ DUO = [  # far apart in the same frames
 ]
 
 
-def test_boxes_and_masks_are_on_the_target():
+def test_boxes_are_on_the_target():
     source = TrackList("a", [BrightTrack(xywh=(140, 100, 40, 30))])
     batch = pair_sampler(source, negatives=0).batch(0, 40)
     assert batch.present.all()
-    assert batch.masked.all()
-    for search, box, mask in zip(batch.search, batch.box, batch.mask, strict=True):
+    for search, box in zip(batch.search, batch.box, strict=True):
         inside = np.abs(box[:2]) + box[2:] / 2 < 126
         found = bright_box(search[0])
         np.testing.assert_allclose(found[:2][inside], box[:2][inside], atol=0.8)
         np.testing.assert_allclose(found[2:][inside], box[2:][inside], atol=1.3)
-        bright = search[0, 2::4, 2::4] > 135
-        assert (bright == (mask[: len(bright), : len(bright)] >= 128)).mean() > 0.97
 
 
 def test_flips_mirror_both_crops():
@@ -67,8 +64,6 @@ def test_shapes_types_and_zooms():
         "search": ((5, 3, 255, 255), "uint8"),
         "box": ((5, 4), "float32"),
         "present": ((5,), "bool"),
-        "mask": ((5, 64, 64), "uint8"),
-        "masked": ((5,), "bool"),
         "weight": ((5,), "float32"),
         "template_wh": ((5, 2), "float32"),
     }
@@ -114,8 +109,6 @@ class TestNegatives:
     def check(self, sampler, least=0.9):
         batch = sampler.batch(1, 40)
         assert 1 - batch.present.mean() >= least
-        assert not batch.mask[~batch.present].any()
-        assert batch.masked.all()
         for template, search in zip(
             batch.template[~batch.present], batch.search[~batch.present], strict=True
         ):

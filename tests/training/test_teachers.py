@@ -1,4 +1,4 @@
-"""Two teachers: which one is right about a pair, and FEAR-XS's maps on the cells of "lite2"."""
+"""Two teachers: which one is right about a pair, and FEAR-XS's maps on the cells of "lite"."""
 
 from dataclasses import replace
 

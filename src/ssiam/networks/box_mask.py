@@ -21,7 +21,6 @@ BOX_MASK_CROP: Final = 128  # px, side of the crop
 BOX_MASK_CELLS: Final = 64  # per side of the mask; a cell is 2 px wide
 BOX_MASK_CONTEXT: Final = 1.6  # width and height of the crop, in those of the box
 
-_BLOCKS: Final = 9  # of the backbone
 _WIDTHS: Final = (16, 32, 64, 64)  # channels at strides 2, 4, 8, 16
 
 
@@ -36,7 +35,7 @@ class BoxMaskNetwork(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.backbone = EfficientNetLite0(_BLOCKS, light=False)
+        self.backbone = EfficientNetLite0()
         self.edges = _conv_norm_relu(3, _WIDTHS[0], stride=2)
         self.lateral = nn.ModuleList(
             _conv_norm(channels, width)

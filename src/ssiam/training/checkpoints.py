@@ -14,12 +14,12 @@ from ssiam.errors import ArgumentError, WeightsError
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
-from ssiam.networks.lite2 import Lite2Network
 from ssiam.networks.nanotrack import WIDTH
 from ssiam.outputs import NamedPath, atomic_write, check_distinct, leftover_parts
 from ssiam.parsing import parse_json
 from ssiam.runtime.files import sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, atomic_export, leftover_exports
+from ssiam.trackers.lite import NETWORK
 from ssiam.training.config import from_table
 from ssiam.training.metrics import METRICS
 from ssiam.training.settings import WEIGHTS, TrainSettings
@@ -41,15 +41,20 @@ CHECKPOINT: Final = "checkpoint.pth"
 
 State: TypeAlias = dict[str, Any]
 
-# Names of networks and pieces in network.json.
-_LITE: Final = "lite"
-_LITE2: Final = "lite2"
-_MASK: Final = "mask"
 _PIECES: Final = ("template", "search", "mask")
 # Input shapes of the pieces: template kernel of a head, its core, crop of the mask network.
 _KERNEL: Final = (1, 64, 96)
 _CORE: Final = (1, 96, 4, 4)
 _MASK_CROP: Final = (1, 3, BOX_MASK_CROP, BOX_MASK_CROP)
+
+
+# Settings that version 0.1.0 had for a former network, by table.
+_REMOVED: Final = {
+    "network": ("blocks", "light", "learns", "stem_steps", "trained_levels"),
+    "optimiser": ("stem_lr",),
+    "losses": ("mask",),
+    "teacher": ("features",),
+}
 
 
 def write_checkpoint(folder: Path, settings: TrainSettings, state: Mapping[str, Any]) -> None:
@@ -113,10 +118,18 @@ def _as_json(settings: TrainSettings) -> Any:
 
 
 def _with_defaults(values: Any) -> Any:
-    """The settings of a stored run, with defaults for those that are newer than the run."""
+    """The settings of a stored run, with defaults for those that are newer than the run.
+
+    In version 0.1.0 the network of "lite" was called "lite2", and there were settings for another.
+    """
     try:
+        if values["network"]["kind"] in ("lite2", "mask"):
+            for table, names in _REMOVED.items():
+                for name in names:
+                    (values[table] or {}).pop(name, None)
+            values["network"]["kind"] = values["network"]["kind"].replace("lite2", "lite")
         return _as_json(from_table(TrainSettings, _without_none(values)))
-    except (ArgumentError, AttributeError, TypeError):  # of a later version
+    except (ArgumentError, AttributeError, KeyError, TypeError):  # of another version
         return values
 
 
@@ -210,23 +223,19 @@ def _write_pieces(network: AnyNetwork, folder: Path) -> None:
     write_pth(folder / WEIGHTS, network.state_dict())
     if isinstance(network, BoxMaskNetwork):
         write_onnx(network, [_MASK_CROP], folder / "mask.onnx", opset=OPSET)
-        record = Manifest(_MASK, "box_mask", sha256(folder / WEIGHTS), ("mask",))
+        record = Manifest("mask", "box_mask", sha256(folder / WEIGHTS), ("mask",))
         record.write(folder)
         return
     graphs = inference_graphs(network)
-    name = _LITE
-    kernels: list[tuple[int, ...]] = [_KERNEL]
-    if isinstance(network, Lite2Network):
-        context = (1, max(len(network.relation.blocks), 1), 2, WIDTH, _KERNEL[1])
-        name, kernels = _LITE2, [_KERNEL, _KERNEL, _CORE, _CORE, context, context]
-        graphs["search"].input_names += ("recent",)
+    graphs["search"].input_names += ("recent",)
+    context = (1, max(len(network.relation.blocks), 1), 2, WIDTH, _KERNEL[1])
     shapes = {
         "template": [network.template_shape],
-        "search": [network.search_shape, *kernels],
+        "search": [network.search_shape, _KERNEL, _KERNEL, _CORE, _CORE, context, context],
     }
     for piece, graph in graphs.items():
         write_onnx(graph, shapes[piece], folder / f"{piece}.onnx", opset=OPSET)
-    record = Manifest(_LITE, name, sha256(folder / WEIGHTS), tuple(graphs))
+    record = Manifest("lite", NETWORK, sha256(folder / WEIGHTS), tuple(graphs))
     record.write(folder)
 
 

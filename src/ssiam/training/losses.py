@@ -1,4 +1,4 @@
-"""Labels of the response map's cells, and losses of responses against the ground truth."""
+"""Labels of the response map's cells, and losses against the ground truth and a teacher."""
 
 from __future__ import annotations
 
@@ -8,26 +8,23 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ssiam.networks import lite2
 from ssiam.networks.lite import CELLS, STRIDE, LiteResponses
-from ssiam.training.data.batches import Batch
-from ssiam.training.settings import LossSettings
+from ssiam.training.data.batches import Batch, TeacherResponses
+from ssiam.training.settings import LossSettings, TeacherSettings
 
 __all__ = [
     "CellLabels",
-    "Lite2Predictions",
     "PairLabels",
+    "Predictions",
     "cell_labels",
-    "cross_entropy",
     "decode_boxes",
+    "distillation_losses",
     "iou_and_giou",
-    "lite2_losses",
-    "lite2_predictions",
     "lite_losses",
     "mask_losses",
     "pair_labels",
+    "predictions_of",
     "to_corners",
-    "weighted_mean",
 ]
 
 _POSITIVE: Final = 0.5  # half axes of the ellipse of positive cells, relative to the box's
@@ -36,6 +33,7 @@ _FOCAL_ALPHA: Final = 0.25  # Lin et al., ICCV 2017, table 1b
 _FOCAL_GAMMA: Final = 2.0
 _MIN_AREA: Final = 1e-6  # px^2
 _MIN_IOU: Final = 1e-3  # before the logarithm
+_MIN_TEACHER_SCORE: Final = 0.3  # probability from which a teacher's box counts
 _FAR_BELOW: Final = 1e4  # logits; its negative is below any real one
 
 
@@ -46,16 +44,11 @@ class PairLabels(NamedTuple):
     ----------
     box : (N, 4) float32
     present : (N,) bool
-    mask : (N, 64, 64) float32
-        0..1.
-    masked : (N,) bool
     weight : (N,) float32
     """
 
     box: Tensor
     present: Tensor
-    mask: Tensor
-    masked: Tensor
     weight: Tensor
 
 
@@ -64,8 +57,6 @@ def pair_labels(batch: Batch) -> PairLabels:
     return PairLabels(
         box=torch.from_numpy(batch.box),
         present=torch.from_numpy(batch.present),
-        mask=torch.from_numpy(batch.mask).float() / 255,
-        masked=torch.from_numpy(batch.masked),
         weight=torch.from_numpy(batch.weight),
     )
 
@@ -75,9 +66,9 @@ class CellLabels(NamedTuple):
 
     Attributes
     ----------
-    positive : (N, n, n) bool
+    positive : (N, 15, 15) bool
         On the target: high score, and the box counts.
-    ignored : (N, n, n) bool
+    ignored : (N, 15, 15) bool
         Neither positive nor negative.
     """
 
@@ -85,9 +76,7 @@ class CellLabels(NamedTuple):
     ignored: Tensor
 
 
-def cell_labels(
-    box: Tensor, present: Tensor, cells: int = CELLS, stride: int = STRIDE
-) -> CellLabels:
+def cell_labels(box: Tensor, present: Tensor) -> CellLabels:
     """Label the cells of the response map as positive, ignored or negative.
 
     Cells in the ellipse with half of the box's axes are positive, as is the cell nearest to the
@@ -100,17 +89,13 @@ def cell_labels(
     box : (N, 4) float32
         cx, cy, w, h, px of the search crop from its middle pixel.
     present : (N,) bool
-    cells : int
-        Side of the response map.
-    stride : int
-        Px of the search crop between cells.
     """
-    centers = _cell_centers(box.device, cells, stride)
+    centers = _cell_centers(box.device)
     cx, cy, w, h = box[:, :, None].unbind(1)  # (N, 1) each
     across = ((centers - cx) / (w / 2).clamp(min=1e-3)) ** 2  # (N, n)
     down = ((centers - cy) / (h / 2).clamp(min=1e-3)) ** 2
     radius = down[:, :, None] + across[:, None, :]  # squared, 1 on the ellipse of the box
-    inside = present & (box[:, :2].abs() < cells * stride / 2).all(dim=1)
+    inside = present & (box[:, :2].abs() < CELLS * STRIDE / 2).all(dim=1)
     nearest = _nearest_cell(centers, cy)[:, :, None] & _nearest_cell(centers, cx)[:, None, :]
     positive = (radius < _POSITIVE**2) & present[:, None, None]
     positive = positive | (nearest & inside[:, None, None])
@@ -118,24 +103,21 @@ def cell_labels(
     return CellLabels(positive, ignored)
 
 
-def decode_boxes(distances: Tensor, stride: int = STRIDE) -> Tensor:
+def decode_boxes(distances: Tensor) -> Tensor:
     """Boxes of predicted distances to the target's sides.
 
     Parameters
     ----------
-    distances : (N, 4, n, n)
+    distances : (N, 4, 15, 15)
         From each cell's center to the left, top, right and bottom, px of the crop.
-    stride : int
-        Px between cells.
 
     Returns
     -------
-    (N, 4, n, n)
+    (N, 4, 15, 15)
         Left, top, right, bottom, px of the crop from its middle pixel.
     """
-    cells = int(distances.shape[-1])
-    centers = _cell_centers(distances.device, cells, stride)
-    x, y = centers[None, :].expand(cells, cells), centers[:, None].expand(cells, cells)
+    centers = _cell_centers(distances.device)
+    x, y = centers[None, :].expand(CELLS, CELLS), centers[:, None].expand(CELLS, CELLS)
     left, top, right, bottom = distances.unbind(1)
     return torch.stack([x - left, y - top, x + right, y + bottom], dim=1)
 
@@ -146,9 +128,9 @@ def to_corners(box: Tensor) -> Tensor:
     return torch.cat([center - half, center + half], dim=1)
 
 
-def _cell_centers(device: torch.device, cells: int, stride: int) -> Tensor:
-    """Centers (n,) of the cells along an axis, px from the middle pixel."""
-    return (torch.arange(cells, device=device) - (cells - 1) / 2) * stride
+def _cell_centers(device: torch.device) -> Tensor:
+    """Centers (15,) of the cells along an axis, px from the middle pixel."""
+    return (torch.arange(CELLS, device=device) - (CELLS - 1) / 2) * STRIDE
 
 
 def _nearest_cell(centers: Tensor, point: Tensor) -> Tensor:
@@ -157,25 +139,8 @@ def _nearest_cell(centers: Tensor, point: Tensor) -> Tensor:
     return F.one_hot(index, len(centers)).bool()
 
 
-def lite_losses(
-    responses: LiteResponses, labels: PairLabels, settings: LossSettings
-) -> dict[str, Tensor]:
-    """The losses of "lite" by name, each multiplied by its weight in the settings."""
-    cells = cell_labels(labels.box, labels.present)
-    box_weight = labels.weight[:, None, None] * cells.positive
-    boxes = decode_boxes(responses.distances)
-    iou, giou = iou_and_giou(boxes, to_corners(labels.box)[:, :, None, None])
-    by_name = {
-        "score": _score_loss(responses.score[:, 0], cells, labels.weight, settings),
-        "box": weighted_mean(_box_loss(iou, giou, settings.kind_of_box), box_weight),
-        "quality": weighted_mean(cross_entropy(responses.quality[:, 0], iou.detach()), box_weight),
-        "mask": _mask_loss(responses.mask[:, 0], labels),
-    }
-    return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
-
-
-class Lite2Predictions(NamedTuple):
-    """Responses of "lite2" to N pairs with decoded boxes.
+class Predictions(NamedTuple):
+    """Responses of "lite" to N pairs with decoded boxes.
 
     Attributes
     ----------
@@ -190,29 +155,43 @@ class Lite2Predictions(NamedTuple):
     boxes: Tensor
 
 
-def lite2_predictions(responses: lite2.Lite2Responses) -> Lite2Predictions:
+def predictions_of(responses: LiteResponses) -> Predictions:
     """Decode the boxes of responses, once for the losses against ground truth and teacher."""
-    boxes = decode_boxes(responses.distances, lite2.STRIDE)
-    return Lite2Predictions(responses.score[:, 0], responses.quality[:, 0], boxes)
+    boxes = decode_boxes(responses.distances)
+    return Predictions(responses.score[:, 0], responses.quality[:, 0], boxes)
 
 
-def lite2_losses(
-    predictions: Lite2Predictions, labels: PairLabels, settings: LossSettings
+def lite_losses(
+    predictions: Predictions, labels: PairLabels, settings: LossSettings
 ) -> dict[str, Tensor]:
-    """The losses of "lite2" by name, each multiplied by its weight in the settings."""
-    cells = cell_labels(labels.box, labels.present, lite2.CELLS, lite2.STRIDE)
+    """The losses of "lite" by name, each multiplied by its weight in the settings."""
+    cells = cell_labels(labels.box, labels.present)
     logits, quality, boxes = predictions
     box_weight = labels.weight[:, None, None] * cells.positive
     iou, giou = iou_and_giou(boxes, to_corners(labels.box)[:, :, None, None])
     by_name = {
         "score": _score_loss(logits, cells, labels.weight, settings),
-        "box": weighted_mean(_box_loss(iou, giou, settings.kind_of_box), box_weight),
-        "quality": weighted_mean(cross_entropy(quality, iou.detach()), box_weight),
+        "box": _weighted_mean(_box_loss(iou, giou, settings.kind_of_box), box_weight),
+        "quality": _weighted_mean(_cross_entropy(quality, iou.detach()), box_weight),
         "distractor": _distractor_loss(
             logits, cells, labels.weight * labels.present, settings.margin
         ),
     }
     return {name: getattr(settings, name) * loss for name, loss in by_name.items()}
+
+
+def distillation_losses(
+    teacher: TeacherResponses, predictions: Predictions, settings: TeacherSettings
+) -> dict[str, Tensor]:
+    """Losses of "lite" against its teachers by name, multiplied by the settings' weights."""
+    teacher_score, teacher_boxes, weight = (torch.from_numpy(each) for each in teacher)
+    entropy = _cross_entropy(predictions.score, teacher_score).mean(dim=(1, 2))
+    box_weight = teacher_score * (teacher_score > _MIN_TEACHER_SCORE) * weight[:, None, None]
+    _, giou = iou_and_giou(predictions.boxes, teacher_boxes)
+    return {
+        "teacher_score": settings.score * _weighted_mean(entropy, weight),
+        "teacher_box": settings.box * _weighted_mean(1 - giou, box_weight),
+    }
 
 
 def mask_losses(logits: Tensor, mask: Tensor) -> dict[str, Tensor]:
@@ -237,12 +216,12 @@ def iou_and_giou(boxes: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
     return iou, iou - (enclosing - union) / enclosing.clamp(min=_MIN_AREA)
 
 
-def cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
+def _cross_entropy(logits: Tensor, probability: Tensor) -> Tensor:
     """Binary cross-entropy of every logit."""
     return F.binary_cross_entropy_with_logits(logits, probability, reduction="none")
 
 
-def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
+def _weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
     """Weighted mean; 0 if all weights are 0."""
     return (values * weights).sum() / weights.sum().clamp(min=1)
 
@@ -262,10 +241,10 @@ def _score_loss(
     """Focal or balanced loss of score logits (N, n, n); `weight` (N,) is that of the pairs."""
     positive = cells.positive.float()
     counted = weight[:, None, None] * ~cells.ignored
-    entropy = cross_entropy(logits, positive)
+    entropy = _cross_entropy(logits, positive)
     if settings.kind_of_score == "balanced":
         on, off = counted * positive, counted * (1 - positive)
-        return (weighted_mean(entropy, on) + weighted_mean(entropy, off)) / 2
+        return (_weighted_mean(entropy, on) + _weighted_mean(entropy, off)) / 2
     wrong = torch.where(cells.positive, 1 - logits.sigmoid(), logits.sigmoid())
     alpha = torch.where(cells.positive, _FOCAL_ALPHA, 1 - _FOCAL_ALPHA)
     focal = alpha * wrong**_FOCAL_GAMMA * entropy * counted
@@ -277,14 +256,7 @@ def _distractor_loss(logits: Tensor, cells: CellLabels, weight: Tensor, margin: 
     on = logits.masked_fill(~cells.positive, -_FAR_BELOW).amax(dim=(1, 2))
     off = logits.masked_fill(cells.positive | cells.ignored, -_FAR_BELOW).amax(dim=(1, 2))
     hinge = (margin + off - on).clamp(min=0)
-    return weighted_mean(hinge, weight * cells.positive.any(dim=2).any(dim=1))
-
-
-def _mask_loss(logits: Tensor, labels: PairLabels) -> Tensor:
-    """Cross-entropy of all known masks, and 1 - Dice of those with a target."""
-    weight = labels.weight * labels.masked
-    entropy, dice = _mask_terms(logits, labels.mask)
-    return weighted_mean(entropy, weight) + weighted_mean(dice, weight * labels.present)
+    return _weighted_mean(hinge, weight * cells.positive.any(dim=2).any(dim=1))
 
 
 def _mask_terms(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
@@ -293,7 +265,7 @@ def _mask_terms(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     Dice has squared terms (V-Net, Milletari et al., 3DV 2016), so that it reaches 1 for fractions
     too.
     """
-    entropy = cross_entropy(logits, mask).mean(dim=(1, 2))
+    entropy = _cross_entropy(logits, mask).mean(dim=(1, 2))
     inside, both = logits.sigmoid(), (1, 2)
     shared = 2 * (inside * mask).sum(dim=both) + 1
     dice = 1 - shared / (inside.square().sum(dim=both) + mask.square().sum(dim=both) + 1)

@@ -51,16 +51,9 @@ def _split(parameters: list[nn.Parameter]) -> tuple[list[nn.Parameter], list[nn.
 
 
 def set_learning_rate(optimizer: AdamW, step: int, settings: TrainSettings) -> None:
-    """Set the learning rate of a step.
-
-    One cycle of warm-up and cosine covers the steps that train a light stem alone, a second one
-    the rest.
-    """
-    rates, stem_only = settings.optimiser, settings.network.stem_only_steps
-    if step < stem_only:
-        lr = rates.stem_lr * learning_rate_factor(step, stem_only, rates)
-    else:
-        lr = rates.lr * learning_rate_factor(step - stem_only, settings.steps - stem_only, rates)
+    """Set the learning rate of a step."""
+    rates = settings.optimiser
+    lr = rates.lr * learning_rate_factor(step, settings.steps, rates)
     for group in optimizer.param_groups:
         group["lr"] = lr * group["factor"]
 
@@ -80,7 +73,7 @@ class WeightAverage:
 
     Parameters
     ----------
-    network : LiteNetwork, Lite2Network or BoxMaskNetwork
+    network : LiteNetwork or BoxMaskNetwork
         With the initial weights.
     decay : float
         Weight of the average in each step. It is smaller in the first steps, so that random
@@ -88,7 +81,7 @@ class WeightAverage:
 
     Attributes
     ----------
-    network : LiteNetwork, Lite2Network or BoxMaskNetwork
+    network : LiteNetwork or BoxMaskNetwork
         With the average weights, in evaluation mode.
     """
 

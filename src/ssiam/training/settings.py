@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from ssiam.errors import ArgumentError
-from ssiam.networks.lite import BLOCKS
-from ssiam.networks.lite2 import ATTENTION_BLOCKS
+from ssiam.networks.lite import ATTENTION_BLOCKS
 from ssiam.trackers.lite import SHIPPED
 from ssiam.training.data.registry import SourceSettings
 from ssiam.training.data.settings import PairSettings
 
 __all__ = [
+    "MASK_WEIGHTS",
     "WEIGHTS",
     "HeldOut",
     "LossSettings",
@@ -29,8 +29,8 @@ __all__ = [
 ]
 
 WEIGHTS: Final = "weights.pth"  # in the folder of a run
+MASK_WEIGHTS: Final = "mask.pth"  # of the mask network, in the folder of the shipped weights
 
-_LEVELS: Final = 3  # of the backbone
 # These may change when a run is resumed; a change of any other setting makes it another run.
 _RESUMABLE: Final = ("workers", "threads", "checkpoint_minutes", "log_every", "validation")
 
@@ -41,34 +41,19 @@ class NetworkSettings:
 
     Attributes
     ----------
-    kind : {"lite", "lite2", "mask"}
-        The network of `ssiam.networks.lite`, `ssiam.networks.lite2` or `ssiam.networks.box_mask`.
-        "lite2" uses only `attention`, `begin` and `frozen_steps` of the settings below, "mask" only
-        `weights` and `begin`.
-    attention : int
-        Attention blocks of "lite2"; 0 uses correlation only.
-    blocks : int
-        Blocks of the backbone, 9 to 11.
-    light : bool
-        Whether a light stem replaces the first two levels of the backbone.
-    weights : str, optional
-        File of the backbone's ImageNet weights; None for those of the installed package.
+    kind : {"lite", "mask"}
+        The network of `ssiam.networks.lite` or `ssiam.networks.box_mask`.
     begin : str, optional
-        Weights to start from: the weights.pth of a run, with or without a light stem, or "lite" for
-        the shipped weights. None starts from ImageNet weights. "lite2" needs the authors'
-        nanotrackv3.pth or the weights.pth of a run.
-    learns : {"all", "mask"}
-        Train everything, or the mask head only, which does not change the tracking. With "mask",
-        the settings below are ignored.
-    stem_steps : int
-        Number of the first steps, which train the light stem alone, on the features of the blocks
-        that it replaces.
+        Weights to start from: "lite" for the shipped weights, or the weights.pth of a run; for the
+        network of "lite" also the authors' nanotrackv3.pth. "mask" starts from ImageNet weights
+        without it.
+    weights : str, optional
+        For "mask": file of the backbone's ImageNet weights; None for those of the installed
+        package.
+    attention : int
+        For "lite": number of attention blocks; 0 uses correlation only.
     frozen_steps : int
-        Number of steps, including `stem_steps`, before the backbone is trained.
-    trained_levels : int
-        Number of levels of the backbone that are trained after that, from the deepest on: 0, 1
-        (stride 16) or 2 (strides 16 and 8); with a light stem 0, 1 or 3 (all). The levels before
-        them are frozen and run in OpenVINO.
+        For "lite": number of steps before the backbone is trained from stride 8 to 16.
 
     Raises
     ------
@@ -76,31 +61,19 @@ class NetworkSettings:
         `begin` is missing where it is needed, or a number is out of range.
     """
 
-    kind: Literal["lite", "lite2", "mask"] = "lite"
-    attention: int = ATTENTION_BLOCKS
-    blocks: int = BLOCKS
-    light: bool = True
-    weights: str | None = None
+    kind: Literal["lite", "mask"] = "lite"
     begin: str | None = None
-    learns: Literal["all", "mask"] = "all"
-    stem_steps: int = 1000
-    frozen_steps: int = 5000
-    trained_levels: int = 1
+    weights: str | None = None
+    attention: int = ATTENTION_BLOCKS
+    frozen_steps: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind == "lite2" and self.begin is None:
-            raise ArgumentError('kind "lite2" starts from trained weights: give begin')
-        allowed = (0, 1, _LEVELS) if self.light else (0, 1, 2)
-        _require(
-            self.trained_levels in allowed,
-            "trained_levels",
-            self.trained_levels,
-            ", ".join(map(str, allowed)),
-        )
-        for name in ("stem_steps", "frozen_steps"):
+        if self.kind == "lite" and self.begin is None:
+            raise ArgumentError(
+                'kind "lite" starts from trained weights: give begin = "lite" or a file'
+            )
+        for name in ("attention", "frozen_steps"):
             _require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
-        if self.learns == "mask" and self.begin is None:
-            raise ArgumentError('learns = "mask" needs the weights of a tracker: give begin')
 
     @property
     def weights_path(self) -> Path | None:
@@ -112,18 +85,9 @@ class NetworkSettings:
         """File of the weights to start from; None for ImageNet weights."""
         if self.begin is None:
             return None
-        return SHIPPED / WEIGHTS if self.begin == "lite" else Path(self.begin)
-
-    @property
-    def stem_only_steps(self) -> int:
-        """Number of the first steps, which train a light stem alone."""
-        stem_only = self.kind == "lite" and self.light and self.learns == "all"
-        return self.stem_steps if stem_only else 0
-
-    def frozen_levels(self, step: int) -> int:
-        """Number of the first levels of the backbone that are frozen in a step."""
-        frozen = step < self.frozen_steps or self.learns == "mask"
-        return _LEVELS if frozen else _LEVELS - self.trained_levels
+        if self.begin == "lite":
+            return SHIPPED / (MASK_WEIGHTS if self.kind == "mask" else WEIGHTS)
+        return Path(self.begin)
 
 
 @dataclass(frozen=True)
@@ -134,12 +98,10 @@ class OptimizerSettings:
     ----------
     lr : float
         Maximum learning rate.
-    stem_lr : float
-        Maximum learning rate of a light stem that is trained alone.
     backbone : float
         Learning rate factor of the backbone.
     head : float
-        Learning rate factor of the pretrained parts of "lite2" after the backbone.
+        Learning rate factor of the pretrained parts of "lite" after the backbone.
     decay : float
         Weight decay, relative to the learning rate; none for normalizations and biases.
     warm_up : int
@@ -158,7 +120,6 @@ class OptimizerSettings:
     """
 
     lr: float = 1e-3
-    stem_lr: float = 2e-2
     backbone: float = 0.1
     head: float = 0.3
     decay: float = 0.02
@@ -174,16 +135,16 @@ class OptimizerSettings:
 
 @dataclass(frozen=True)
 class LossSettings:
-    """Kinds and weights of the losses: [losses]. A weight of 0 disables a loss.
+    """Kinds and weights of the losses of "lite": [losses]. A weight of 0 disables a loss.
 
     Attributes
     ----------
     kind_of_score : {"focal", "balanced"}
         Focal loss, or cross-entropy with equal weight of positive and negative cells.
     kind_of_box : {"giou", "log_iou"}
-    score, box, quality, mask, distractor : float
-        Weights. `distractor`, for "lite2" only, is a hinge loss: the best negative cell should
-        score at least `margin` below the best positive one.
+    score, box, quality, distractor : float
+        Weights. `distractor` is a hinge loss: the best negative cell should score at least `margin`
+        below the best positive one.
     margin : float
         In logits.
     """
@@ -193,33 +154,31 @@ class LossSettings:
     score: float = 1.0
     box: float = 2.0
     quality: float = 0.5
-    mask: float = 1.0
     distractor: float = 0.0
     margin: float = 3.0
 
 
 @dataclass(frozen=True)
 class TeacherSettings:
-    """Distillation from NanoTrack v3 and, for "lite2", FEAR-XS: [teacher].
+    """Distillation of "lite" from NanoTrack v3 and FEAR-XS: [teacher].
 
     Attributes
     ----------
     weights : str
         Folder of NanoTrack v3's two ONNX files.
     fear : str, optional
-        Folder of FEAR-XS's two ONNX files. For each pair, "lite2" is distilled from the teacher
-        whose best box has the larger overlap with the true one.
+        Folder of FEAR-XS's two ONNX files. For each pair, the teacher is the one whose best box
+        has the larger overlap with the true one.
     agreement : float
-        Minimum overlap (IoU) of that box with the true one, for "lite2".
-    features, score, box : float
-        Weights of the losses against the teacher: features at stride 16 (not of "lite2"), scores,
-        and boxes where the teacher detects the target.
+        Minimum overlap (IoU) of that box with the true one.
+    score, box : float
+        Weights of the losses against the teacher: scores, and boxes where the teacher detects the
+        target.
     """
 
     weights: str
     fear: str | None = None
     agreement: float = 0.6
-    features: float = 1.0
     score: float = 0.5
     box: float = 0.5
 
@@ -299,7 +258,7 @@ class TrainSettings:
     Raises
     ------
     ArgumentError
-        A number is out of range, or the mask head would be trained with a teacher.
+        A number is out of range.
     """
 
     sources: tuple[SourceSettings, ...]
@@ -311,7 +270,7 @@ class TrainSettings:
     checkpoint_minutes: float = 5.0
     log_every: int = 50
     pairs: PairSettings = field(default_factory=PairSettings)
-    network: NetworkSettings = field(default_factory=NetworkSettings)
+    network: NetworkSettings = field(default_factory=lambda: NetworkSettings(begin="lite"))
     optimiser: OptimizerSettings = field(default_factory=OptimizerSettings)
     losses: LossSettings = field(default_factory=LossSettings)
     teacher: TeacherSettings | None = None
@@ -321,8 +280,6 @@ class TrainSettings:
         for name in ("steps", "batch", "threads", "log_every"):
             _require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
         _require(self.workers >= 0, "workers", self.workers, "0 or more")
-        if self.network.learns == "mask" and self.teacher is not None:
-            raise ArgumentError('a teacher has no masks: leave it out with learns = "mask"')
 
     def identity(self) -> dict[str, Any]:
         """The settings, as plain values, that must not change when the run is resumed."""

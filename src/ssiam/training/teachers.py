@@ -1,9 +1,8 @@
 """Trained trackers as teachers: responses of NanoTrack v3 and FEAR-XS to pairs of crops.
 
 NanoTrack v3 separates the target better from distractors of its kind; FEAR-XS (Borsuk et al., ECCV
-2022) is better on faces, vehicles and targets that change their appearance. "lite" is distilled
-from NanoTrack v3 in the training process. For "lite2", the processes that load batches add the
-responses of the better teacher for each pair.
+2022) is better on faces, vehicles and targets that change their appearance. The processes that load
+batches add the responses of the better teacher for each pair.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image
-from ssiam.networks.lite2 import CELLS, STRIDE
+from ssiam.networks.lite import CELLS, STRIDE
 from ssiam.runtime import RuntimeOptions, load_network
 from ssiam.runtime.openvino import supports_bf16
 from ssiam.trackers.nanotrack import NanoTrackNetworks
@@ -24,7 +23,7 @@ from ssiam.training.data.batches import Batch, TeacherResponses
 from ssiam.training.data.pairs import PairSampler
 from ssiam.training.settings import TeacherSettings
 
-__all__ = ["DistillationSampler", "NanoTrackResponse", "NanoTrackTeacher", "Teachers"]
+__all__ = ["DistillationSampler", "Teachers"]
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Floats: TypeAlias = NDArray[np.float32]
@@ -41,59 +40,6 @@ _FEAR_TEMPLATE_SIZE: Final = 1.4  # side of its template region, in sizes of the
 _FEAR_SEARCH_SIZE: Final = 5.0  # side of its search region, in sizes of the target
 _FEAR_MEAN: Final = np.array([123.675, 116.28, 103.53], dtype=np.float32)  # RGB
 _FEAR_MIN_SIDE: Final = 4.0  # px; smaller targets have the regions of this size
-
-
-class NanoTrackResponse(NamedTuple):
-    """Features and responses of NanoTrack v3 to N pairs.
-
-    Attributes
-    ----------
-    template : (N, 96, 8, 8) float32
-        Features at stride 16.
-    search : (N, 96, 16, 16) float32
-    score : (N, 15, 15) float32
-        Probability that a cell is on the target. Cells are 16 px apart, the middle one is on the
-        crop's middle pixel.
-    boxes : (N, 4, 15, 15) float32
-        Left, top, right, bottom, px from the middle pixel.
-    """
-
-    template: Floats
-    search: Floats
-    score: Floats
-    boxes: Floats
-
-
-class NanoTrackTeacher:
-    """NanoTrack v3 on pairs of crops.
-
-    Parameters
-    ----------
-    weights : Path
-        Folder of its two ONNX files.
-    options : RuntimeOptions
-
-    Raises
-    ------
-    WeightsError
-        The files are missing, damaged or of another network.
-    """
-
-    def __init__(self, weights: Path, options: RuntimeOptions) -> None:
-        self._networks = NanoTrackNetworks.load("nanotrack_v3", weights, options)
-
-    def __call__(self, template: Bytes, search: Bytes) -> NanoTrackResponse:
-        """Responses to crops (N, 3, 127, 127) and (N, 3, 255, 255) uint8 BGR."""
-        by_pair = [self._respond(*pair) for pair in zip(template, search, strict=True)]
-        return NanoTrackResponse(*map(np.concatenate, zip(*by_pair, strict=True)))
-
-    def _respond(self, template: Bytes, search: Bytes) -> NanoTrackResponse:
-        (kernel,) = self._networks.template(template[None].astype(np.float32))
-        (features,) = self._networks.search(search[None].astype(np.float32))
-        scores, distances = self._networks.head(kernel, features)
-        score = 1 / (1 + np.exp(scores[:, 0] - scores[:, 1]))
-        boxes = _boxes(distances[0], *np.meshgrid(_CELL_CENTERS, _CELL_CENTERS))
-        return NanoTrackResponse(kernel, features, score, boxes[None])
 
 
 class _Response(NamedTuple):
@@ -120,7 +66,7 @@ class Teachers:
     def __init__(self, settings: TeacherSettings, threads: int = 1) -> None:
         options = RuntimeOptions(threads=threads, precision="bf16" if supports_bf16() else "f32")
         self._min_overlap = settings.agreement
-        self._nanotrack = NanoTrackTeacher(Path(settings.weights), options)
+        self._nanotrack = _NanoTrackTeacher(Path(settings.weights), options)
         self._fear = None if settings.fear is None else _FearTeacher(Path(settings.fear), options)
 
     def responses(self, batch: Batch) -> TeacherResponses:
@@ -150,8 +96,7 @@ class Teachers:
 
     def _respond(self, batch: Batch, index: int) -> list[_Response]:
         template, search = batch.template[index], batch.search[index]
-        nanotrack = self._nanotrack(template[None], search[None])
-        responses = [_Response(nanotrack.score[0], nanotrack.boxes[0])]
+        responses = [self._nanotrack(template, search)]
         if self._fear is not None and batch.template_wh is not None:
             sizes = batch.template_wh[index], batch.box[index, 2:]
             responses.append(self._fear(template, search, *sizes))
@@ -183,11 +128,26 @@ class DistillationSampler:
         return batch
 
 
+class _NanoTrackTeacher:
+    """NanoTrack v3 on pairs of crops."""
+
+    def __init__(self, weights: Path, options: RuntimeOptions) -> None:
+        self._networks = NanoTrackNetworks.load("nanotrack_v3", weights, options)
+
+    def __call__(self, template: Bytes, search: Bytes) -> _Response:
+        """Response to crops (3, 127, 127) and (3, 255, 255) BGR."""
+        (kernel,) = self._networks.template(template[None].astype(np.float32))
+        (features,) = self._networks.search(search[None].astype(np.float32))
+        scores, distances = self._networks.head(kernel, features)
+        score = 1 / (1 + np.exp(scores[0, 0] - scores[0, 1]))
+        return _Response(score, _boxes(distances[0], *np.meshgrid(_CELL_CENTERS, _CELL_CENTERS)))
+
+
 class _FearTeacher:
     """FEAR-XS on crops that were cut for other networks.
 
     FEAR-XS stretches its regions to squares. Its crops are resampled from the given ones, and its
-    maps are resampled to the cells of "lite2".
+    maps are resampled to the cells of "lite".
     """
 
     def __init__(self, weights: Path, options: RuntimeOptions) -> None:
@@ -219,7 +179,7 @@ class _FearTeacher:
 
 
 def _resampled(logits: Floats, distances: Floats, scale: Floats) -> _Response:
-    """FEAR-XS's maps (16, 16) and (4, 16, 16) at the cells of "lite2".
+    """FEAR-XS's maps (16, 16) and (4, 16, 16) at the cells of "lite".
 
     `scale` (2,) is px of the search crop per px of FEAR-XS's crop, in x and y.
     """

@@ -134,7 +134,7 @@ def training_batches(settings: TrainSettings) -> Batches:
         sampler = MaskSampler(sources, settings.pairs, settings.seed)
     else:
         sampler = pairs = PairSampler(sources, settings.pairs, settings.seed)
-        if settings.network.kind == "lite2" and settings.teacher is not None:
+        if settings.teacher is not None:
             sampler = DistillationSampler(pairs, settings.teacher)
     return partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
 

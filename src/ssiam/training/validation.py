@@ -18,11 +18,9 @@ from ssiam.evaluation.measures.success import Success, mean_success, success
 from ssiam.networks import GraphRunner, PieceShapes, inference_graphs
 from ssiam.networks.box_mask import BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork
-from ssiam.networks.lite2 import Lite2Network
 from ssiam.runtime import Network
 from ssiam.stabilize import FrameView
 from ssiam.trackers.lite import LiteNetworks, LiteTracker
-from ssiam.trackers.lite2 import Lite2Networks, Lite2Tracker
 from ssiam.training.data.mask_sampling import MaskSampler
 from ssiam.training.data.registry import SourceSettings, open_training_source
 from ssiam.training.data.settings import AugmentSettings, PairSettings
@@ -45,7 +43,7 @@ def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, flo
 
     Parameters
     ----------
-    network : LiteNetwork, Lite2Network or BoxMaskNetwork
+    network : LiteNetwork or BoxMaskNetwork
     settings : ValidationSettings
 
     Raises
@@ -97,22 +95,18 @@ def _sequences(held_out: HeldOut) -> Iterator[VideoSequence]:
             yield dataset.sequences[name]
 
 
-def _track(
-    tracker: LiteTracker | Lite2Tracker, sequence: VideoSequence, count: int
-) -> list[tuple[float, ...]]:
+def _track(tracker: LiteTracker, sequence: VideoSequence, count: int) -> list[tuple[float, ...]]:
     """The boxes of the first `count` frames; the first one is the true box."""
     frames = islice(sequence.images(), count)
     tracker.init(FrameView(next(frames)), sequence.box(0))
     return [sequence.box(0), *(tracker.track(FrameView(frame)).box for frame in frames)]
 
 
-def _tracker(network: LiteNetwork | Lite2Network) -> LiteTracker | Lite2Tracker:
+def _tracker(network: LiteNetwork) -> LiteTracker:
     """A tracker with the network in PyTorch, without masks."""
     graphs = inference_graphs(network, sliced=False)
     runners: dict[str, Network] = {
         piece: GraphRunner(graphs[piece].eval(), partial(PieceShapes, [], []))
         for piece in ("template", "search")
     }
-    if isinstance(network, Lite2Network):
-        return Lite2Tracker(Lite2Networks(runners["template"], runners["search"]))
-    return LiteTracker(LiteNetworks(runners["template"], runners["search"]), masks=False)
+    return LiteTracker(LiteNetworks(runners["template"], runners["search"]))

@@ -18,8 +18,6 @@ from ssiam.errors import SsiamError
 from ssiam.geometry import Image
 
 __all__ = [
-    "MASK_CELLS",
-    "MASK_STRIDE",
     "SEARCH_CROP",
     "TEMPLATE_CROP",
     "AnyBatch",
@@ -35,8 +33,6 @@ __all__ = [
 
 TEMPLATE_CROP: Final = 127  # px, side of the template crop
 SEARCH_CROP: Final = 255  # px, side of the search crop
-MASK_STRIDE: Final = 4  # px of the search crop
-MASK_CELLS: Final = 64  # side of the mask; its last row and column extend 1 px beyond the crop
 
 _AHEAD: Final = 2  # batches that each worker prepares before they are requested
 
@@ -56,8 +52,6 @@ class Pair(NamedTuple):
         target is not present.
     present : bool
         Whether the search crop shows the target.
-    mask : (64, 64) uint8, optional
-        Fraction of each cell of 4 x 4 px that the target covers, 0..255; None if unknown.
     recent : (127, 127, 3) uint8 BGR, optional
         A later view of the target; None if the template is also the recent one.
     template_wh : (float, float)
@@ -68,13 +62,12 @@ class Pair(NamedTuple):
     search: Image
     box: Floats
     present: bool
-    mask: Bytes | None
     recent: Image | None = None
     template_wh: tuple[float, float] = (0.0, 0.0)
 
 
 class TeacherResponses(NamedTuple):
-    """Responses of a teacher to N pairs, on the 15 x 15 cells of `ssiam.networks.lite2`.
+    """Responses of a teacher to N pairs, on the 15 x 15 cells of `ssiam.networks.lite`.
 
     Attributes
     ----------
@@ -105,11 +98,6 @@ class Batch:
         cx, cy, w, h of the target, px of the search crop from its middle pixel (127, 127); zeros
         if the target is not present.
     present : (N,) bool
-    mask : (N, 64, 64) uint8
-        Covered fraction of each cell, 0..255. Cell (i, j) is rows 4 i..4 i + 3 and columns
-        4 j..4 j + 3.
-    masked : (N,) bool
-        Whether the mask is known. It is known, and empty, for targets that are not present.
     weight : (N,) float32
     recent : (N, 3, 127, 127) uint8 BGR, optional
     template_wh : (N, 2) float32, optional
@@ -121,8 +109,6 @@ class Batch:
     search: Bytes
     box: Floats
     present: Flags
-    mask: Bytes
-    masked: Flags
     weight: Floats
     recent: Bytes | None = None
     template_wh: Floats | None = None
@@ -164,14 +150,11 @@ class BatchSampler(Protocol):
 
 def collate(pairs: Sequence[Pair]) -> Batch:
     """The pairs as one batch, each with weight 1."""
-    empty = np.zeros((MASK_CELLS, MASK_CELLS), dtype=np.uint8)
     return Batch(
         template=planes([pair.template for pair in pairs]),
         search=planes([pair.search for pair in pairs]),
         box=np.stack([pair.box for pair in pairs]),
         present=np.array([pair.present for pair in pairs]),
-        mask=np.stack([empty if pair.mask is None else pair.mask for pair in pairs]),
-        masked=np.array([pair.mask is not None for pair in pairs]),
         weight=np.ones(len(pairs), dtype=np.float32),
         recent=_recent(pairs),
         template_wh=np.array([pair.template_wh for pair in pairs], dtype=np.float32),

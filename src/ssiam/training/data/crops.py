@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import XYWH, Image, Transform, map_points
 from ssiam.trackers.siamese import TargetState
-from ssiam.training.data.batches import MASK_CELLS, MASK_STRIDE, SEARCH_CROP, TEMPLATE_CROP
+from ssiam.training.data.batches import SEARCH_CROP, TEMPLATE_CROP
 from ssiam.training.data.masks import Mask
 from ssiam.training.data.settings import MAX_OFFSET, CropSettings
 
@@ -22,7 +22,6 @@ __all__ = [
     "crop_image",
     "crop_mask",
     "excludes",
-    "mask_cells",
     "random_background_region",
     "random_negative_region",
     "random_search_region",
@@ -248,14 +247,6 @@ def crop_image(image: Image, region: CropRegion, background: Image | None = None
 def crop_mask(mask: Mask, region: CropRegion) -> NDArray[np.uint8]:
     """Fraction of each pixel (out, out) uint8 of the crop that a mask covers, 0..255."""
     return _warped(mask.astype(np.uint8) * 255, region, (0.0,))
-
-
-def mask_cells(coverage: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Coverage (64, 64) uint8, 0..255, of cells of 4 x 4 px of a search crop's `crop_mask`."""
-    beyond = MASK_CELLS * MASK_STRIDE - SEARCH_CROP
-    padded = cv2.copyMakeBorder(coverage, 0, beyond, 0, beyond, cv2.BORDER_REPLICATE)
-    cells = cv2.resize(padded, (MASK_CELLS, MASK_CELLS), interpolation=cv2.INTER_AREA)
-    return np.asarray(cells, dtype=np.uint8)
 
 
 def _warped(

@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -25,14 +24,12 @@ from ssiam.training.data.augment import (
     occlude,
     to_grayscale,
 )
-from ssiam.training.data.batches import SEARCH_CROP, TEMPLATE_CROP, Batch, Pair, collate
+from ssiam.training.data.batches import TEMPLATE_CROP, Batch, Pair, collate
 from ssiam.training.data.crops import (
     CropRegion,
     center_of,
     crop_image,
-    crop_mask,
     excludes,
-    mask_cells,
     random_background_region,
     random_negative_region,
     random_search_region,
@@ -40,7 +37,6 @@ from ssiam.training.data.crops import (
     region_around,
 )
 from ssiam.training.data.images import image_size
-from ssiam.training.data.masks import Mask
 from ssiam.training.data.sampling import TargetFrame, TargetSampler
 from ssiam.training.data.settings import PairSettings
 from ssiam.training.data.tracks import Source
@@ -87,15 +83,10 @@ class _SearchSample:
         """The target's box cx, cy, w, h (4,), px of the crop from its middle pixel."""
         if not self.present:
             return None
-        mask = self.mask if self.any_angle else None
+        mask = self.frame.track.mask(self.frame.t) if self.any_angle else None
         if mask is None:
             return self.region.box_in_crop(self.frame.xywh)
         return self.region.mask_box_in_crop(mask)
-
-    @cached_property
-    def mask(self) -> Mask | None:
-        """The target's mask in the frame."""
-        return self.frame.track.mask(self.frame.t) if self.present else None
 
 
 class PairSampler:
@@ -163,7 +154,7 @@ class PairSampler:
         template = self._template(target, mirrored, rng)
         nearby = self._targets.draw_nearby(target, rng)
         sample = self._search_sample(nearby, mirrored, rng)
-        search, box, mask = self._cut(sample, rng)
+        search, box = self._cut(sample, rng)
         template, search = (augment_crop(crop, augment, rng) for crop in (template, search))
         recent = self._recent_template(nearby, mirrored, rng) if with_recent else None
         template_wh = _template_wh(target)
@@ -175,7 +166,7 @@ class PairSampler:
         if gray:
             template, search = to_grayscale(template), to_grayscale(search)
             recent = None if recent is None else to_grayscale(recent)
-        return Pair(template, search, box, sample.present, mask, recent, template_wh)
+        return Pair(template, search, box, sample.present, recent, template_wh)
 
     def _template(self, target: TargetFrame, mirrored: bool, rng: np.random.Generator) -> Image:
         region = random_template_region(target.xywh, mirrored, self._settings.windows, rng)
@@ -205,21 +196,16 @@ class PairSampler:
 
     def _cut(
         self, sample: _SearchSample, rng: np.random.Generator
-    ) -> tuple[Image, NDArray[np.float32], NDArray[np.uint8] | None]:
-        """The search crop, and the box (4,) and mask (64, 64) of the target in it."""
+    ) -> tuple[Image, NDArray[np.float32]]:
+        """The search crop, and the box (4,) of the target in it."""
         crop = crop_image(sample.frame.image, sample.region, sample.background)
-        box, coverage = sample.box, np.zeros((SEARCH_CROP, SEARCH_CROP), dtype=np.uint8)
-        mask = sample.mask
-        if mask is not None:
-            coverage = crop_mask(mask, sample.region)
+        box = sample.box
         if box is None:
             box = np.zeros(4)
         elif rng.random() < self._settings.augment.cover:
-            crop, occluded = occlude(crop, box, rng)
-            coverage[occluded] = 0
+            crop, _ = occlude(crop, box, rng)
         crop = motion_blur(crop, sample.shake.trail, sample.region.crop_from_frame)
-        mask_known = mask is not None or not sample.present
-        return crop, box.astype(np.float32), mask_cells(coverage) if mask_known else None
+        return crop, box.astype(np.float32)
 
     def _search_sample(
         self, target: TargetFrame, mirrored: bool, rng: np.random.Generator

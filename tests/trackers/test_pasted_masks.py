@@ -1,16 +1,14 @@
-"""Pasted masks of `lite`: pixels of cells, spans of the frame, and rotated boxes."""
+"""Pasted masks of boxes: pixels of cells, spans of the frame, and rotated boxes."""
 
 import cv2
 import numpy as np
 import pytest
 
 from ssiam.geometry import corners_from_xywh
-from ssiam.trackers.lite_mask import (
+from ssiam.trackers.box_mask import (
     PastedMask,
-    crop_corner,
     intersection,
     paste,
-    pasted_mask,
     rotated_box,
     visible_span,
 )
@@ -18,19 +16,6 @@ from ssiam.trackers.lite_mask import (
 
 def span(left, top, right, bottom):
     return np.array([left, top], float), np.array([right, bottom], float)
-
-
-@pytest.mark.parametrize(
-    ("center", "side", "corner"),
-    [
-        ((100.0, 80.0), 20, (90, 70)),
-        ((100.0, 80.0), 21, (89, 69)),
-        ((100.5, 80.4), 20, (90, 70)),
-        ((100.5, 80.4), 21, (90, 69)),
-    ],
-)
-def test_the_corner_of_a_crop(center, side, corner):
-    assert tuple(crop_corner(center, side)) == corner
 
 
 def test_spans():
@@ -88,28 +73,6 @@ def test_a_part_in_the_whole_frame(corner):
     found = PastedMask(random, corner).full((40, 30))
     assert found.dtype == bool
     np.testing.assert_array_equal(found, large[100:130, 100:140])
-
-
-def test_a_mask_of_a_resized_crop_covers_the_crop():
-    """A crop of 510 px has cells of 8 px; the mask extends two cells beyond it."""
-    logits = np.full((1, 1, 64, 64), 20, np.float32)
-    mask = pasted_mask(logits, (300.0, 300.0), 510, (-1e4, -1e4, 2e4, 2e4), (1000, 1000))
-    assert mask.corner_xy == (300 - 255 - 8, 300 - 255 - 8)
-    assert mask.part.shape == (526 + 8, 526 + 8)
-    rows, columns = np.nonzero(mask.part)
-    assert (columns.min(), columns.max()) == (8, 8 + 512 - 1)
-    assert (rows.min(), rows.max()) == (8, 8 + 512 - 1)
-
-
-def test_a_mask_is_used_up_to_a_tenth_beyond_the_box():
-    logits = np.full((1, 1, 64, 64), 20, np.float32)
-    mask = pasted_mask(logits, (200.0, 200.0), 255, (150.0, 180.0, 100.0, 50.0), (400, 400))
-    assert mask.corner_xy == (140, 175)
-    assert mask.part.shape == (61, 121)
-    assert mask.part.all()
-    margin = pasted_mask(logits, (0.0, 0.0), 255, (-50.0, -20.0, 100.0, 50.0), (400, 400), 10)
-    assert margin.corner_xy == (-10, -10)
-    assert margin.part.shape == (46, 71)
 
 
 def filled(rows, columns):
