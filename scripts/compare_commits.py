@@ -50,10 +50,9 @@ path = "{shared}/data/training/masks/davis2016"
 """
 TEACHER = '[teacher]\nweights = "{shared}/data/weights/nanotrackv3"\n'
 NETWORKS = {
-    "lite": ('[network]\nbegin = "lite"\nstem_steps = 1\nfrozen_steps = 2', TEACHER),
-    "lite2": (
-        '[network]\nkind = "lite2"\nattention = 2\nfrozen_steps = 0\n'
-        'begin = "{shared}/data/weights/nanotrackv3/nanotrackv3.pth"',
+    "fine-tuned": ('[network]\nbegin = "lite"\nfrozen_steps = 2', TEACHER),
+    "lite": (
+        '[network]\nbegin = "{shared}/data/weights/nanotrackv3/nanotrackv3.pth"',
         TEACHER + 'fear = "{shared}/data/weights/fear_xs"\nagreement = 0.6\n',
     ),
 }

@@ -1,4 +1,4 @@
-"""Initial weights: channel order and light stem of ImageNet's weights, and refused files."""
+"""Initial weights: channel order of ImageNet's weights, and refused files."""
 
 import pytest
 

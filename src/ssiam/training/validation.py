@@ -27,7 +27,7 @@ from ssiam.training.data.settings import AugmentSettings, PairSettings
 from ssiam.training.settings import HeldOut, ValidationSettings
 from ssiam.training.students import AnyNetwork
 
-__all__ = ["validate"]
+__all__ = ["held_out_sequences", "validate"]
 
 _NO_AUGMENTATION: Final = AugmentSettings(*[0.0] * len(fields(AugmentSettings)))
 _HALF_COVERED: Final = 127  # of 255
@@ -56,7 +56,7 @@ def validate(network: AnyNetwork, settings: ValidationSettings) -> dict[str, flo
     tracker = _tracker(network)
     by_name: dict[str, list[Success]] = defaultdict(list)
     for held_out in settings.held_out:
-        for sequence in _sequences(held_out):
+        for sequence in held_out_sequences(held_out):
             count = min(len(sequence), settings.frames, len(sequence.truth))
             truth = np.array([sequence.box(t) for t in range(count)])
             boxes = _track(tracker, sequence, count)
@@ -88,7 +88,8 @@ def _mask_overlap(network: BoxMaskNetwork, settings: ValidationSettings) -> floa
     return float(np.mean(overlaps))
 
 
-def _sequences(held_out: HeldOut) -> Iterator[VideoSequence]:
+def held_out_sequences(held_out: HeldOut) -> Iterator[VideoSequence]:
+    """The sequences of a dataset for validation; raises as `validate`."""
     dataset = open_dataset(held_out.path, held_out.kind, split=held_out.split)
     for name in dataset.sequences:
         if not held_out.only or any(fnmatchcase(name, pattern) for pattern in held_out.only):
