@@ -1,12 +1,14 @@
 """Fit of each tracker's confidence score, and how well it separates right and wrong boxes.
 
     python benchmarks/calibration/confidence.py [--trackers nanotrack_v3,...] [--every N] [--jobs N]
+        [--data FOLDER [--short]]
 
 Runs every tracker on clips whose target is absent for a while (benchmarks/lost/clips.py), with and
 without camera shake, fits P(overlap > .5) to its evidence by logistic regression with equal weight
 for each sequence and outcome, and prints the parameters of the tracker's `Confidence`. The quality
-is measured on each sequence with a fit to the others. Needs the folder of test data (see
-benchmarks/common/data.py).
+is measured on each sequence with a fit to the others. The clips are made of the sequences of the
+folder of test data (see benchmarks/common/data.py), or of another folder; --short is for sequences
+of 50 to 100 frames.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ import ssiam
 from ssiam.geometry import iou
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import sequences
+from benchmarks.common.data import SEQUENCES, sequences
 from benchmarks.common.loading import load
-from benchmarks.lost.clips import AbsenceClip, absence_clips
+from benchmarks.lost.clips import SHORT_TIMING, TIMING, AbsenceClip, absence_clips
 
 TRACKERS = "nanotrack_v1,nanotrack_v2,nanotrack_v3,kcf,csrt"
 SHAKES = (0.0, 0.02)
@@ -117,8 +119,12 @@ def main() -> None:
     parser.add_argument("--trackers", default=TRACKERS, help="names, comma-separated")
     parser.add_argument("--every", type=int, default=1, help="use every n-th clip")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--data", type=Path, default=SEQUENCES)
+    parser.add_argument("--short", action="store_true", help="short absences")
     options = parser.parse_args()
-    unshaken, shaken = (absence_clips(sequences(), shake)[0] for shake in SHAKES)
+    timing = SHORT_TIMING if options.short else TIMING
+    videos = sequences(options.data)
+    unshaken, shaken = (absence_clips(videos, shake, timing)[0] for shake in SHAKES)
     clips = (unshaken[::2] + shaken[1::2])[:: options.every]
     print("| tracker | weights, bias | area | right: 2, 10, 50 % | wrong: 50, 90 % |")
     print("|---|---|---|---|---|")

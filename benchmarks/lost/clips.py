@@ -23,10 +23,6 @@ from ssiam.geometry import Image
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]
 
-STARTS = (40, 80)  # frames before the target disappears
-LENGTHS = (25, 50, 75)  # frames of absence, 1 to 3 s
-AFTER = 60  # frames after the target's return
-
 COVER_MARGIN = 0.3  # of a cover on each side, share of the target's side
 SLIDE = 6  # frames in which a cover moves in or out
 TRIES = 200  # positions that are tried for the texture of a cover
@@ -35,6 +31,29 @@ PAN = 10  # frames in which the cropped view pans away or back
 CROP = 0.6  # size of the view that pans, share of the frame's sides
 PAN_MARGIN = 0.05  # between the view and the target, share of the view's side
 SMOOTHING = 31  # frames over which the path of the view is smoothed
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the targets of clips are absent.
+
+    Attributes
+    ----------
+    starts : tuple of int
+        Frames before the target disappears.
+    lengths : tuple of int
+        Frames of absence.
+    after : int
+        Frames after the target's return.
+    """
+
+    starts: tuple[int, ...] = (40, 80)
+    lengths: tuple[int, ...] = (25, 50, 75)  # 1 to 3 s
+    after: int = 60
+
+
+TIMING = Timing()
+SHORT_TIMING = Timing((12, 24), (15, 25), 12)  # for sequences of 50 to 100 frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +86,20 @@ class UnsuitableError(Exception):
 
 
 def absence_clips(
-    sequences: Mapping[str, VideoSequence], shake: float = 0.0
+    sequences: Mapping[str, VideoSequence], shake: float = 0.0, timing: Timing = TIMING
 ) -> tuple[list[AbsenceClip], dict[str, str]]:
     """All clips that the sequences allow, and the reasons why the others cannot be made, by name.
 
     `shake` is the standard deviation of an added shift of each frame, share of the width.
     """
     clips, reasons = [], {}
-    for each, kind, start, length in product(sequences.values(), KINDS, STARTS, LENGTHS):
+    for each, kind, start, length in product(
+        sequences.values(), KINDS, timing.starts, timing.lengths
+    ):
         name = f"{each.name} {kind} {start}+{length}"
         rng = np.random.default_rng(zlib.crc32(name.encode()))
         try:
-            clip = _MAKERS[kind](sequences, each, start, length, rng)
+            clip = _MAKERS[kind](sequences, each, start, length, timing.after, rng)
         except UnsuitableError as error:
             reasons[name] = str(error)
         else:
@@ -92,10 +113,11 @@ def _covered(
     sequence: VideoSequence,
     start: int,
     length: int,
+    after: int,
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """The sequence with a piece of its background covering the target."""
-    boxes = _true_boxes(sequence, start + length + AFTER)
+    boxes = _true_boxes(sequence, start + length + after)
     distance = _distance(start, length, len(boxes))
     offset = np.where(distance > 0, COVER_MARGIN + distance / SLIDE, 0) * rng.choice((-1, 1))
     offset[:start] *= -1  # it enters from one side and leaves at the other
@@ -151,10 +173,11 @@ def _panned(
     sequence: VideoSequence,
     start: int,
     length: int,
+    after: int,
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """A cropped view of the sequence that pans away from the target and back."""
-    raw = _true_boxes(sequence, start + length + AFTER)
+    raw = _true_boxes(sequence, start + length + after)
     size = np.array(_frame_size(sequence))
     view = np.round(CROP * size).astype(int)
     share = 1 - np.clip(_distance(start, length, len(raw)) / PAN, 0, 1)
@@ -219,20 +242,21 @@ def _cut(
     sequence: VideoSequence,
     start: int,
     length: int,
+    after: int,
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """The sequence with frames of another one inserted."""
-    boxes = _true_boxes(sequence, start + AFTER)
+    boxes = _true_boxes(sequence, start + after)
     long = [each for each in others.values() if each.name != sequence.name and len(each) >= length]
     other = long[rng.integers(len(long))]
     first = int(rng.integers(len(other) - length + 1))
     truth = np.insert(boxes, [start] * length, np.nan, axis=0)
-    frames = partial(_cut_frames, sequence, other, start, first, length)
+    frames = partial(_cut_frames, sequence, other, start, first, length, after)
     return AbsenceClip("", "", frames, truth, truth.copy(), (start, start + length))
 
 
 def _cut_frames(
-    sequence: VideoSequence, other: VideoSequence, start: int, first: int, length: int
+    sequence: VideoSequence, other: VideoSequence, start: int, first: int, length: int, after: int
 ) -> Iterator[Image]:
     """The sequence with `length` frames of the other one, from `first` on, inserted at `start`."""
     images = sequence.images()
@@ -241,7 +265,7 @@ def _cut_frames(
         np.asarray(cv2.resize(image, size), np.uint8)
         for image in islice(other.images(first), length)
     )
-    return chain(islice(images, start), inserted, islice(images, AFTER))
+    return chain(islice(images, start), inserted, islice(images, after))
 
 
 def _shaken(clip: AbsenceClip, shake: float) -> AbsenceClip:
@@ -303,7 +327,7 @@ def _overlap(
 
 
 _Maker = Callable[
-    [Mapping[str, VideoSequence], VideoSequence, int, int, np.random.Generator], AbsenceClip
+    [Mapping[str, VideoSequence], VideoSequence, int, int, int, np.random.Generator], AbsenceClip
 ]
 _MAKERS: dict[str, _Maker] = {"covered": _covered, "out of the frame": _panned, "cut": _cut}
 KINDS = tuple(_MAKERS)
