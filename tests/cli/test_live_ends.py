@@ -165,6 +165,7 @@ def test_recording_in_progress_of_another_process_is_not_touched(clip, start, tm
     live = start("--recordings", str(tmp_path))
     with Client(live) as client:
         name = record(client, clip[1])
+        client.ask(type="pause")  # it does not read while the other one runs
         other = start("--recordings", str(tmp_path))
         with Client(other) as second:
             (listed,) = second.next("recordings")["recordings"]
