@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import islice, product
 from pathlib import Path
 from typing import NamedTuple
@@ -27,8 +28,9 @@ import numpy as np
 import ssiam
 from ssiam.datasets import Shake, VideoSequence, shaken
 from ssiam.evaluation.measures.success import success
+from ssiam.geometry import XYWH, Image
 from ssiam.runtime import RuntimeOptions
-from ssiam.stabilize import Method
+from ssiam.stabilize import FrameView, Method
 from ssiam.trackers.lite import MEMORY, PARAMETERS, SHIPPED, LiteNetworks, LiteTracker, Memory
 from ssiam.trackers.siamese import SearchParameters
 from ssiam.training.config import read_config
@@ -54,20 +56,33 @@ class Run(NamedTuple):
 def scores(weights: Path, run: Run, frames: int, candidates: Sequence[Candidate]) -> list[float]:
     """Success of each candidate on the first frames of a sequence."""
     cv2.setNumThreads(1)
-    networks = LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
+    networks = _networks(weights)
     sequence = shaken(run.sequence, run.shake)
     images = list(islice(sequence.images(), min(frames, len(sequence.truth))))
     truth = np.array([sequence.box(index) for index in range(len(images))])
     found = []
     for candidate in candidates:
-        tracker = ssiam.StabilizedTracker(
-            LiteTracker(networks, candidate.parameters, memory=candidate.memory, masks=False),
-            ssiam.StabilizerConfig(run.stabilize),
-        )
-        tracker.init(images[0], truth[0].tolist())
-        boxes = [truth[0], *(tracker.update(image).box for image in images[1:])]
+        tracker = LiteTracker(networks, candidate.parameters, memory=candidate.memory, masks=False)
+        boxes = _tracked(tracker, run.stabilize, images, truth[0].tolist())
         found.append(success(np.array(boxes), truth).auc)
     return found
+
+
+@lru_cache(maxsize=1)
+def _networks(weights: Path) -> LiteNetworks:
+    return LiteNetworks.load(weights, RuntimeOptions("openvino", 1))
+
+
+def _tracked(
+    tracker: LiteTracker, stabilize: Method, images: list[Image], xywh: XYWH
+) -> list[XYWH]:
+    """The boxes; with off the sizes of the frames may differ, as those of cropped tracks do."""
+    if stabilize == "off":
+        tracker.init(FrameView(images[0]), xywh)
+        return [xywh, *(tracker.track(FrameView(image)).box for image in images[1:])]
+    stabilized = ssiam.StabilizedTracker(tracker, ssiam.StabilizerConfig(stabilize))
+    stabilized.init(images[0], xywh)
+    return [xywh, *(stabilized.update(image).box for image in images[1:])]
 
 
 def runs_of(config: Path, every: int) -> list[Run]:
