@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
@@ -47,6 +47,13 @@ SHIPPED: Final = Path(__file__).parents[1] / "models" / "lite"
 SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 8  # px between cells
 _SIDE: Final = 32  # cells
+_KERNEL: Final = (1, 64, 96)
+_SHAPES: Final = [  # of the inputs and outputs of template and search, see `LiteNetworks`
+    [(1, 3, TEMPLATE_SIDE, TEMPLATE_SIDE)],
+    [_KERNEL],
+    [(1, 3, SEARCH_SIDE, SEARCH_SIDE), _KERNEL],
+    [*[(1, 1, _SIDE, _SIDE)] * 2, (1, 4, _SIDE, _SIDE), (1, 1, 2 * _SIDE, 2 * _SIDE)],
+]
 _LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
 # From benchmarks/calibration/search_parameters.py, on videos left out of training.
@@ -87,7 +94,20 @@ class LiteNetworks:
         if options.precision == "int8":
             raise ArgumentError("tracker lite has no int8 weights: leave precision out")
         pieces = load_pieces(weights, "lite", options)
-        return cls(pieces["template"], pieces["search"])
+        networks = cls(pieces["template"], pieces["search"])
+        networks._check(weights)
+        return networks
+
+    def _check(self, weights: Path) -> None:
+        shapes = [
+            *(self.template.input_shapes, self.template.output_shapes),
+            *(self.search.input_shapes, self.search.output_shapes),
+        ]
+        if shapes != _SHAPES:
+            raise WeightsError(
+                f"{weights} holds weights of another network than lite, with inputs and outputs "
+                f"{shapes}; expected {_SHAPES}"
+            )
 
 
 @dataclass
