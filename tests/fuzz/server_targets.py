@@ -110,7 +110,11 @@ def _trax_target(folder: Path) -> Target:
         try:
             serve(_Still())  # type: ignore[arg-type]
         finally:
-            del os.environ["TRAX_IN"], os.environ["TRAX_OUT"]
+            relayed = int(os.environ.pop("TRAX_IN"))
+            del os.environ["TRAX_OUT"]
+            if relayed != given:
+                with suppress(OSError):
+                    os.close(relayed)
             os.close(given)
             os.close(answers)
 

@@ -3,6 +3,7 @@
 import os
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -140,3 +141,9 @@ def test_a_pipe_is_no_image(tmp_path):
     with pytest.raises(SourceError, match="not an image"):
         read_image(path)
     assert read_unchanged(path) == (b"", None)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\0b"])
+def test_names_that_no_file_can_have(name):
+    with pytest.raises(SourceError, match=r"cannot be read|does not exist"):
+        read_image(Path(name))
