@@ -9,7 +9,6 @@ import socket
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -144,8 +143,9 @@ def _tool_targets() -> Iterable[Target]:
     yield Target("Label Studio's region", (json.dumps(region).encode(),), text(sequence), 4)
 
     def shape(given: str) -> None:
-        drawn = SimpleNamespace(**_json(given))
-        check_box(box_of_shape(drawn.type, drawn.points), _SIZE)
+        drawn = _json(given)
+        if isinstance(drawn, dict):
+            check_box(box_of_shape(drawn.get("type", ""), drawn.get("points")), _SIZE)
 
     kinds = {
         "rectangle": [1.0, 2.0, 9.0, 9.0],
