@@ -24,7 +24,8 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "src")]
 
 from fuzz.mutations import mutated  # noqa: E402
-from fuzz.targets import Target, all_targets, failure  # noqa: E402
+from fuzz.target import Target, failure  # noqa: E402
+from fuzz.targets import all_targets  # noqa: E402
 
 _MAX_SECONDS = 2.0  # of process time for one input
 _MAX_GROWTH = 300.0  # MB
@@ -40,7 +41,12 @@ def main(minutes: float = 10.0, seed: int = 0) -> int:
     found = ROOT / "build" / "fuzz"
     found.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
-        return _run(all_targets(Path(name)), minutes, seed, found)
+        targets = all_targets(Path(name))
+        try:
+            return _run(targets, minutes, seed, found)
+        finally:
+            for target in targets:
+                target.close()
 
 
 def _run(targets: list[Target], minutes: float, seed: int, found: Path) -> int:

@@ -19,7 +19,8 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "src")]
 
 with atheris.instrument_imports(include=["ssiam"]):
-    from fuzz.targets import all_targets, failure
+    from fuzz.target import failure
+    from fuzz.targets import all_targets
 
 
 def main(arguments: list[str]) -> None:

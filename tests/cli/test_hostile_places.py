@@ -10,6 +10,9 @@ import pytest
 from helpers.video_clips import write_clip
 from ssiam.cli import main
 from ssiam.runtime.files import cache_folder
+from ssiam.runtime.openvino import load_with_shared_weights
+from ssiam.trackers.lite import SHIPPED
+from ssiam.trackers.weight_imports import copy_files
 
 FULL = "/dev/full"
 
@@ -68,3 +71,33 @@ def test_a_pipe_without_a_reader_is_one_line(tmp_path, capsys, monkeypatch):
     assert main(track) == 0
     reader.join(30)
     assert texts[0].count("\n") == 4
+
+
+def _copied(folder):
+    copy_files([SHIPPED / "network.json"], folder / "weights")
+
+
+def _compiled(folder):
+    pytest.importorskip("onnx")
+    from helpers.onnx_networks import small_network
+
+    files = [folder.parents[2] / name for name in ("template.onnx", "search.onnx")]
+    for file in files:
+        file.write_bytes(small_network())
+    load_with_shared_weights(files, "0" * 32)
+    assert any((folder / "openvino").iterdir())
+
+
+@pytest.mark.parametrize("make", [_copied, _compiled], ids=["weights", "compiled networks"])
+def test_folders_in_a_shared_one_are_their_owners(tmp_path, monkeypatch, make):
+    """In /tmp others could have written into them."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(shared / "cache"))
+    previous = os.umask(0)
+    try:
+        make(shared / "cache" / "ssiam")
+    finally:
+        os.umask(previous)
+    assert (shared / "cache").stat().st_mode & 0o777 == 0o700

@@ -211,3 +211,43 @@ def test_standard_output_is_reserved(monkeypatch, one_pipe):
         assert found == (b"message;last words", b"")
     else:
         assert found == (b"message;", b"other output;error;last words.")
+
+
+def served(tmp_path, monkeypatch, text):
+    """Serve the requests of a file, with the real libtrax."""
+    (tmp_path / "requests").write_bytes(text)
+    with (tmp_path / "requests").open("rb") as requests, open(os.devnull, "wb") as answers:
+        monkeypatch.setenv("TRAX_IN", str(requests.fileno()))
+        monkeypatch.setenv("TRAX_OUT", str(answers.fileno()))
+        tracker = Scripted()
+        try:
+            serve(tracker)
+        finally:
+            os.close(int(os.environ["TRAX_IN"]))
+    return tracker
+
+
+def test_messages_that_are_whole_are_relayed(tmp_path, monkeypatch, paths):
+    frame = f'@@TRAX:frame "file://{paths[0]}" \n'
+    text = f'other output\n@@TRAX:initialize "5,6,7,8" \n{frame}{frame}@@TRAX:quit \n'
+    tracker = served(tmp_path, monkeypatch, text.encode())
+    assert [box for _, box in tracker.started] == [[5, 6, 7, 8]]
+    assert tracker.count == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b'@@TRAX:initialize "5,6,7,8" \n',  # libtrax waited without end
+        b'@@TRAX:initialize "5,6,7',  # this one too
+        b'@@TRAX:initialize "" \n@@TRAX:frame "x" \n@@TRAX:quit \n',  # the process ended
+        b'@@TRAX:initialize "5,6,[],8" \n@@TRAX:frame "x" \n',
+        b"@@TRAX:initialize \n@@TRAX:quit \n",
+        b'@@TRAX:frame "x\n@@TRAX:quit \n',
+        b'@@TRAX:frame "file:///x.png" \n@@TRAX:quit \n',
+        b"@@TRAX:" + b"x" * 3_000_000,
+    ],
+)
+def test_a_client_that_breaks_off_or_sends_other_messages(tmp_path, monkeypatch, text):
+    with pytest.raises(StreamError, match="the TraX client"):
+        served(tmp_path, monkeypatch, text)

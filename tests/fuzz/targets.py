@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -14,6 +13,9 @@ import av
 import cv2
 import numpy as np
 
+from fuzz.network_targets import network_targets
+from fuzz.server_targets import server_targets
+from fuzz.target import Target, in_file, latin, or_value_error, text
 from helpers import datasets_on_disk as on_disk
 from helpers import message_fuzz
 from helpers.drawn_datasets import write_pysot_json
@@ -22,7 +24,6 @@ from ssiam.addresses import display_name, redact_words
 from ssiam.cli.boxes import parse_boxes
 from ssiam.cli.moments import parse_moment
 from ssiam.datasets import open_dataset
-from ssiam.errors import SsiamError
 from ssiam.evaluation.runs.identity import read_identity
 from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 from ssiam.evaluation.runs.shaken_results import read_shake
@@ -54,27 +55,6 @@ lr = 0.001
 """
 
 
-@dataclass(frozen=True)
-class Target:
-    """A reader or socket.
-
-    Attributes
-    ----------
-    name : str
-    seeds : tuple of bytes
-        Valid inputs.
-    read : callable
-        Reads one input; raises `SsiamError` or nothing.
-    share : int
-        How often it is drawn: slow ones less.
-    """
-
-    name: str
-    seeds: tuple[bytes, ...]
-    read: Callable[[bytes], object]
-    share: int = 8
-
-
 def all_targets(folder: Path) -> list[Target]:
     """Every reader and socket; they write their inputs into `folder`."""
     return [
@@ -84,21 +64,9 @@ def all_targets(folder: Path) -> list[Target]:
         *_text_targets(folder / "texts"),
         *_socket_targets(),
         *_network_targets(folder / "networks"),
+        *network_targets(folder / "onnx"),
+        *server_targets(folder / "servers"),
     ]
-
-
-def _in_file(path: Path, read: Callable[[Path], object]) -> Callable[[bytes], object]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-
-    def read_bytes(data: bytes) -> object:
-        path.write_bytes(data)
-        return read(path)
-
-    return read_bytes
-
-
-def _text(read: Callable[[str], object]) -> Callable[[bytes], object]:
-    return lambda data: read(data.decode("utf-8", "surrogateescape"))
 
 
 def _result_targets(folder: Path) -> Iterable[Target]:
@@ -110,25 +78,23 @@ def _result_targets(folder: Path) -> Iterable[Target]:
 
     rows = csv_of({}, {"frame": "4", "lost": "1"}, {"target": "2"}).encode()
     line = json.dumps({key: float(value) if value else None for key, value in ROW.items()})
-    yield Target("results.csv", (rows,), _in_file(folder / "r.csv", export))
-    yield Target(
-        "results.jsonl", (line.encode() * 1 + b"\n",), _in_file(folder / "r.jsonl", export)
-    )
+    yield Target("results.csv", (rows,), in_file(folder / "r.csv", export))
+    yield Target("results.jsonl", (line.encode() * 1 + b"\n",), in_file(folder / "r.jsonl", export))
     yield from _correction_targets(folder)
     vot = (b"1\n10,20,30,40\n2\n0\n1,2,3,4,5,6,7,8\n", b"1\n1.5,2.5,3,4\nnan,nan,nan,nan\n")
-    yield Target("results of VOT", vot, _in_file(folder / "a_001.txt", read_vot))
+    yield Target("results of VOT", vot, in_file(folder / "a_001.txt", read_vot))
     boxes = (b"1,2,3,4\n5,6,7,8\n", b"1\t2\t3\t4\n")
-    yield Target("results of OTB", boxes, _in_file(folder / "a.txt", read_boxes))
+    yield Target("results of OTB", boxes, in_file(folder / "a.txt", read_boxes))
     identity = {"weights_sha256": "0" * 64, "runtime": "openvino", "device": "cpu"}
     identity |= {"precision": "f32", "threads": 1}
     run = json.dumps(identity).encode()
     yield Target(
-        "run.json", (run,), _in_file(folder / "t/run.json", lambda p: read_identity(p.parent))
+        "run.json", (run,), in_file(folder / "t/run.json", lambda p: read_identity(p.parent))
     )
     shake = {"strength": 0.03, "kind": "handheld", "seed": 0, "exposure": 0.0, "readout": 0.0}
     text = json.dumps(shake | {"border": "reflect"}).encode()
     yield Target(
-        "shake.json", (text,), _in_file(folder / "t/shake.json", lambda p: read_shake(p.parent))
+        "shake.json", (text,), in_file(folder / "t/shake.json", lambda p: read_shake(p.parent))
     )
     recording = {"fps": "30000/1001", "size_wh": [64, 48], "frames": 5, "seconds": 0.2}
     recording |= {"names": {"1": "boat"}, "whole": True, "error": ""}
@@ -139,7 +105,7 @@ def _result_targets(folder: Path) -> Iterable[Target]:
     yield Target(
         "recording.json",
         (json.dumps(recording).encode(),),
-        _in_file(folder / "rec/recording.json", read_recording),
+        in_file(folder / "rec/recording.json", read_recording),
     )
 
 
@@ -156,11 +122,11 @@ def _correction_targets(folder: Path) -> Iterable[Target]:
             return read_corrections(path, SIZE, FPS)
 
         seeds = ((folder / name).read_bytes(),)
-        yield Target(f"corrections of {kind}", seeds, _in_file(folder / f"read-{name}", read), 4)
+        yield Target(f"corrections of {kind}", seeds, in_file(folder / f"read-{name}", read), 4)
 
     mask = np.zeros((24, 32), np.bool_)
     mask[3:9, 5:20] = True
-    decode = _or_value_error(_text(lambda text: decode_mask(text, (32, 24))))
+    decode = or_value_error(text(lambda text: decode_mask(text, (32, 24))))
     yield Target("mask", (encode_mask(mask).encode(),), decode)
 
 
@@ -172,7 +138,7 @@ def _dataset_targets(folder: Path) -> Iterable[Target]:
                 sequence = dataset.sequences[each]
                 list(islice(sequence.images(), 1))
 
-        return Target(name, (file.read_bytes(),), _in_file(file, read), 4)
+        return Target(name, (file.read_bytes(),), in_file(file, read), 4)
 
     otb = on_disk.write_otb(folder / "otb", "Car", range(1, 4), on_disk.boxes(3))
     yield layout("OTB", otb / "groundtruth_rect.txt", folder / "otb")
@@ -205,20 +171,20 @@ def _image_targets(folder: Path) -> Iterable[Target]:
         return cv2.imencode(suffix, _IMAGE, flags)[1].tobytes()
 
     still = tuple(encoded(suffix) for suffix in (".png", ".jpg", ".bmp", ".webp"))
-    yield Target("image", still, _in_file(folder / "still/a.png", lambda p: frames(p.parent)))
+    yield Target("image", still, in_file(folder / "still/a.png", lambda p: frames(p.parent)))
     pages = cv2.imencodemulti(".tiff", [_IMAGE, _IMAGE[..., 0]])[1].tobytes()
     tiff = (pages, encoded(".tiff", cv2.IMWRITE_TIFF_COMPRESSION, 1))
-    yield Target("TIFF", tiff, _in_file(folder / "a.tiff", frames))
+    yield Target("TIFF", tiff, in_file(folder / "a.tiff", frames))
     for suffix, codec in (("mp4", "libx264"), ("avi", "mjpeg"), ("mkv", "ffv1"), ("gif", "gif")):
         data = _video(suffix, codec)
-        yield Target(suffix, (data,), _in_file(folder / f"clip.{suffix}", frames), 1)
+        yield Target(suffix, (data,), in_file(folder / f"clip.{suffix}", frames), 1)
     playlist = b"#EXTM3U\n#EXTINF:1,\nclip.mp4\n"
     concat = b"ffconcat version 1.0\nfile clip.mp4\n"
 
     def check(path: Path) -> None:
         check_distinct_from_source([("--out", folder / "o.mp4")], str(path))
 
-    yield Target("playlist", (playlist, concat), _in_file(folder / "l.m3u8", check))
+    yield Target("playlist", (playlist, concat), in_file(folder / "l.m3u8", check))
     yield Target("browser's JPEG", (encoded(".jpg"),), decode_jpeg)
 
 
@@ -238,20 +204,18 @@ def _video(suffix: str, codec: str) -> bytes:
 
 def _text_targets(folder: Path) -> Iterable[Target]:
     boxes = b"frame,x,y,w,h\n0,1,2,3,4\n12,5,6,7,8\n"
-    yield Target(
-        "boxes.csv", (boxes,), _in_file(folder / "b.csv", lambda p: parse_boxes([f"@{p}"]))
-    )
+    yield Target("boxes.csv", (boxes,), in_file(folder / "b.csv", lambda p: parse_boxes([f"@{p}"])))
     words = (b"10,20,30,40", b"300:1,2,3,4", b"0:12:1,2,3,4", b"12s:1,2,3,4")
-    yield Target("box", words, _text(lambda text: parse_boxes([text.replace("@", "")])))
-    yield Target("moment", (b"300", b"12.5s", b"1:02:03.5"), _text(parse_moment))
+    yield Target("box", words, text(lambda text: parse_boxes([text.replace("@", "")])))
+    yield Target("moment", (b"300", b"12.5s", b"1:02:03.5"), text(parse_moment))
     addresses = (b"rtsp://user:pass@host:554/a?b=c#d", b"http://[::1]:80/x", b"file:///a%20b")
 
     def redact(text: str) -> object:
         return display_name(text), redact_words(text, [text])
 
-    yield Target("address", addresses, _text(redact))
-    yield Target("JSON", (b'{"a": [1, 2.5, "\\u00e9"]}',), _or_value_error(parse_json))
-    yield Target("rate", (b"30000/1001", b"29.97"), _or_value_error(_text(parse_rate)))
+    yield Target("address", addresses, text(redact))
+    yield Target("JSON", (b'{"a": [1, 2.5, "\\u00e9"]}',), or_value_error(parse_json))
+    yield Target("rate", (b"30000/1001", b"29.97"), or_value_error(text(parse_rate)))
 
     def numbers(text: str) -> list[float]:
         values = []
@@ -267,23 +231,13 @@ def _text_targets(folder: Path) -> Iterable[Target]:
         values = numbers(text)
         Motion.from_transform(np.resize(values or [0.0], (3, 3)), (64, 48)).shift_angle  # noqa: B018
 
-    yield Target("target box", (b"10,20,30,40",), _text(box))
-    yield Target("motion", (b"1,0.1,5,-0.1,1,3,0.0001,0,1",), _text(motion))
-
-
-def _or_value_error(read: Callable[[bytes], object]) -> Callable[[bytes], object]:
-    """`ssiam.parsing` is below the errors: its functions raise `ValueError`."""
-
-    def checked(data: bytes) -> None:
-        with suppress(ValueError):
-            read(data)
-
-    return checked
+    yield Target("target box", (b"10,20,30,40",), text(box))
+    yield Target("motion", (b"1,0.1,5,-0.1,1,3,0.0001,0,1",), text(motion))
 
 
 def _socket_targets() -> Iterable[Target]:
     messages = tuple(json.dumps(message).encode() for _, message, _ in message_fuzz.GOOD)
-    yield Target("page's message", messages, _text(parse_message))
+    yield Target("page's message", messages, text(parse_message))
     pick = [
         {"type": "add", "frame": 3, "box": [1, 2, 3, 4], "id": 1},
         {"type": "click", "frame": 3, "point": [1.5, 2], "ask": 4},
@@ -295,22 +249,18 @@ def _socket_targets() -> Iterable[Target]:
     ]
     service = PickService(None, lambda count: None)  # `parse` needs no session
     commands = tuple(json.dumps(message).encode() for message in pick)
-    yield Target("picking page's message", commands, _text(service.parse))
+    yield Target("picking page's message", commands, text(service.parse))
     access = Access(8000, frozenset({"cam.local"}), token="secret")
 
     def headers(text: str) -> None:
         access.accepts_host(text)
         access.accepts_token(text)
 
-    yield Target("Host and token", (b"localhost:8000", b"[::1]:8000", b"secret"), _latin(headers))
+    yield Target("Host and token", (b"localhost:8000", b"[::1]:8000", b"secret"), latin(headers))
     reader = CommandReader(255, 100)
     yield Target(
         "MAVLink", (_packet(),), lambda data: list(reader.commands(data, is_complete=True))
     )
-
-
-def _latin(read: Callable[[str], object]) -> Callable[[bytes], object]:
-    return lambda data: read(data.decode("latin-1"))
 
 
 def _packet() -> bytes:
@@ -327,7 +277,7 @@ def _network_targets(folder: Path) -> Iterable[Target]:
     yield Target(
         "network.json",
         (text,),
-        _in_file(folder / "network.json", lambda p: Manifest.read(p.parent)),
+        in_file(folder / "network.json", lambda p: Manifest.read(p.parent)),
     )
     import torch
 
@@ -341,8 +291,8 @@ def _network_targets(folder: Path) -> Iterable[Target]:
         return file.getvalue()
 
     pth = (saved(True), saved(False))
-    yield Target("checkpoint", pth, _in_file(folder / "a.pth", read_checkpoint), 4)
-    yield Target("config", (_SETTINGS,), _in_file(folder / "c.toml", read_config))
+    yield Target("checkpoint", pth, in_file(folder / "a.pth", read_checkpoint), 4)
+    yield Target("config", (_SETTINGS,), in_file(folder / "c.toml", read_config))
     yield from _training_targets(folder / "training")
 
 
@@ -351,7 +301,7 @@ def _training_targets(folder: Path) -> Iterable[Target]:
     from ssiam.training.data.images import read_labels
 
     def set_of(layout: str, path: Path, file: Path, seeds: tuple[bytes, ...] = ()) -> Target:
-        read = _in_file(file, lambda _: open_set(layout, path))
+        read = in_file(file, lambda _: open_set(layout, path))
         return Target(f"training set {layout}", seeds or (file.read_bytes(),), read, 4)
 
     voc = write_voc(folder / "voc", {"1": [("car", ("20", "30", "60", "50"))]})
@@ -383,16 +333,5 @@ def _training_targets(folder: Path) -> Iterable[Target]:
     tracks = (json.dumps(park).encode(),)
     yield set_of("tracks", folder / "tracks", track / "meta.json", tracks)
     labels = cv2.imencode(".png", _IMAGE[..., 0])[1].tobytes()
-    yield Target("labels", (labels,), _in_file(folder / "labels.png", read_labels))
+    yield Target("labels", (labels,), in_file(folder / "labels.png", read_labels))
     yield set_of("yolo", folder / "yolo", folder / "yolo/labels/1.txt", lines)
-
-
-def failure(target: Target, data: bytes) -> Exception | None:
-    """What a target raises for an input, unless that is a `SsiamError`."""
-    try:
-        target.read(data)
-    except SsiamError:
-        return None
-    except Exception as error:
-        return error
-    return None

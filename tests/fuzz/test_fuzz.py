@@ -9,16 +9,22 @@ from hypothesis import strategies as st
 
 pytest.importorskip("torch")
 pytest.importorskip("pymavlink")
+pytest.importorskip("onnxruntime")
+pytest.importorskip("trax")
 
 from fuzz.mutations import mutated
-from fuzz.targets import all_targets, failure
+from fuzz.target import failure
+from fuzz.targets import all_targets
 
 CORPUS = Path(__file__).parent / "corpus"
 
 
 @pytest.fixture(scope="module")
 def targets(tmp_path_factory):
-    return {target.name: target for target in all_targets(tmp_path_factory.mktemp("fuzz"))}
+    found = {target.name: target for target in all_targets(tmp_path_factory.mktemp("fuzz"))}
+    yield found
+    for target in found.values():
+        target.close()
 
 
 @settings(

@@ -237,3 +237,14 @@ def test_the_path_of_tilted_frames_is_that_of_the_mapped_center():
     path.advance(Motion.from_transform(tilt, SIZE))
     (x, y), (u, v) = CENTER, map_points(np.linalg.inv(tilt), [CENTER])[0]
     assert path.difference()[:2] == pytest.approx(((u - x) / 2, (v - y) / 2))
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e308, 1e9])
+def test_motions_that_no_camera_makes(number):
+    """NaN stayed in the path for the rest of the stream."""
+    stabilizer = Stabilizer(UNLIMITED)
+    matrix = np.eye(3)
+    matrix[0, 2] = number
+    with pytest.raises(ArgumentError, match="motion"):
+        stabilizer.update(Motion(matrix, 1.0, True, SIZE))
+    np.testing.assert_array_equal(stabilizer.update(Motion.none(SIZE, reliable=True)), np.eye(3))

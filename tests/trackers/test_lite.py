@@ -8,7 +8,7 @@ import pytest
 from helpers.stub_networks import Stub, marked
 from helpers.tracker_loops import BOX, LoopTests, moving_marker
 from ssiam import FrameView
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.runtime import RuntimeOptions, loading
 from ssiam.trackers.lite import LiteNetworks, LiteTracker, Memory
 
@@ -121,6 +121,13 @@ def test_templates_are_the_crop_around_the_target():
 
 
 PIECES = {name: Stub(None) for name in ("template", "search", "mask")}
+KERNELS = [(1, 64, 96), (1, 64, 96), (1, 96, 4, 4), (1, 96, 4, 4), (1, 2, 2, 96, 64)]
+PIECES["template"].input_shapes = [(1, 3, 127, 127)]
+PIECES["template"].output_shapes = KERNELS
+PIECES["search"].input_shapes = [(1, 3, 255, 255), *KERNELS, KERNELS[-1]]
+PIECES["search"].output_shapes = [(1, 1, 15, 15), (1, 1, 15, 15), (1, 4, 15, 15)]
+PIECES["mask"].input_shapes = [(1, 3, 128, 128)]
+PIECES["mask"].output_shapes = [(1, 1, 64, 64)]
 
 
 @pytest.mark.parametrize("names", [("template", "search"), ("template", "search", "mask")])
@@ -137,6 +144,25 @@ def test_the_networks_are_the_pieces_of_the_weights(monkeypatch, tmp_path, names
     assert calls == [(tmp_path, "lite2", options)]
     assert (found.template, found.search) == (PIECES["template"], PIECES["search"])
     assert found.mask is (PIECES["mask"] if "mask" in names else None)
+
+
+@pytest.mark.parametrize(
+    ("piece", "shapes"),
+    [
+        ("template", []),
+        ("template", [*KERNELS, KERNELS[-1]]),
+        ("template", [*KERNELS[:4], ()]),
+        ("template", [*KERNELS[:3], KERNELS[0], KERNELS[-1]]),
+        ("search", [(1, 1, 15, 15), (1, 1, 15, 15), (1, 5, 15, 15)]),
+        ("mask", [(1, 64, 64)]),
+    ],
+)
+def test_networks_of_other_shapes_are_not_lite(monkeypatch, tmp_path, piece, shapes):
+    other = Stub(None)
+    other.input_shapes, other.output_shapes = PIECES[piece].input_shapes, shapes
+    monkeypatch.setattr(loading, "load_pieces", lambda *_: {**PIECES, piece: other})
+    with pytest.raises(WeightsError, match="holds weights of another network than lite"):
+        LiteNetworks.load(tmp_path, RuntimeOptions())
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from ssiam.training.checkpoints import (  # noqa: E402
     CHECKPOINT,
     read_checkpoint,
     write_checkpoint,
+    write_network_so_far,
 )
 from ssiam.training.data.registry import SourceSettings  # noqa: E402
 from ssiam.training.settings import (  # noqa: E402
@@ -22,7 +23,7 @@ from ssiam.training.settings import (  # noqa: E402
     TeacherSettings,
     TrainSettings,
 )
-from ssiam.training.trainer import Trainer  # noqa: E402
+from ssiam.training.trainer import Trainer, load_optimizer  # noqa: E402
 
 SOURCE = SourceSettings("davis", "somewhere")
 SETTINGS = TrainSettings((SOURCE, SourceSettings("voc", "elsewhere")), teacher=TeacherSettings("t"))
@@ -121,6 +122,62 @@ def test_checkpoints_of_earlier_versions_are_resumed(kind, initial_weights, tmp_
     assert resumed["optimiser"]["param_groups"] == state["optimiser"]["param_groups"]
     assert resumed["optimiser"]["state"].keys() == state["optimiser"]["state"].keys()
     assert torch.equal(resumed["random"], state["random"])
+
+
+def test_settings_that_are_nested_deeply(folder):
+    path = folder / CHECKPOINT
+    content = torch.load(path, weights_only=True)
+    for depth in (400, 900):
+        torch.save({**content, "settings": f'{{"batch": {"[" * depth}{"]" * depth}}}'}, path)
+        with pytest.raises((ArgumentError, WeightsError)) as caught:
+            read_checkpoint(folder, SETTINGS)
+        assert len(str(caught.value)) < 300 + len(str(folder))
+
+
+def test_a_run_without_its_average_is_not_written(folder):
+    mask = replace(SETTINGS, network=NetworkSettings("mask"), teacher=None)
+    for state in ({"step": 6}, {"step": 6, "average": {"x": torch.zeros(1)}}):
+        write_checkpoint(folder, mask, state)
+        with pytest.raises(WeightsError, match="is damaged: remove it"):
+            write_network_so_far(mask, folder, folder / "out")
+
+
+def _optimizer():
+    parameters = list(torch.nn.Linear(3, 2).parameters())
+    optimizer = torch.optim.AdamW(parameters, lr=0.1)
+    sum(each.sum() for each in parameters).backward()
+    optimizer.step()
+    return optimizer
+
+
+def _with_group(state, **changes):
+    return {**state, "param_groups": [{**state["param_groups"][0], **changes}]}
+
+
+def _with_moment(state, name, value):
+    return {**state, "state": {**state["state"], 0: {**state["state"][0], name: value}}}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: _with_group(state, betas=("a", "b")),
+        lambda state: _with_group(state, eps=float("nan")),
+        lambda state: _with_group(state, params=[0, 7]),
+        lambda state: _with_moment(state, "exp_avg", torch.zeros(5)),
+        lambda state: _with_moment(state, "exp_avg", "text"),
+        lambda state: _with_moment(state, "step", torch.zeros(3)),
+        lambda state: {**state, "state": {9: state["state"][0]}},
+        lambda state: {**state, "param_groups": None},
+        lambda state: [],
+    ],
+)
+def test_an_optimizer_of_another_form_is_rejected(change):
+    """PyTorch accepted most of them and failed in the next step."""
+    optimizer = _optimizer()
+    load_optimizer(optimizer, _with_group(optimizer.state_dict(), lr=0.5))
+    with pytest.raises(WeightsError, match="another optimizer"):
+        load_optimizer(optimizer, change(optimizer.state_dict()))
 
 
 def test_a_state_of_another_network_is_rejected(initial_weights):

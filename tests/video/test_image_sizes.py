@@ -1,13 +1,16 @@
 """Declared sizes of images and videos are checked before anything is decoded."""
 
+import os
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from helpers.video_clips import write_clip
+from ssiam.datasets import read_image
 from ssiam.errors import ArgumentError, SourceError
 from ssiam.training.data.images import read_unchanged
 from ssiam.video import open_source
@@ -105,3 +108,42 @@ def test_a_limit_that_is_no_number(monkeypatch, word):
     monkeypatch.setenv("SSIAM_MAX_PIXELS", word)
     with pytest.raises(ArgumentError, match="give a number of pixels"):
         max_pixels()
+
+
+def test_a_sparse_image_is_not_read(tmp_path, monkeypatch):
+    """It was read whole, whatever its size."""
+    monkeypatch.setenv("SSIAM_MAX_PIXELS", "10000")
+    path = tmp_path / "a.png"
+    path.write_bytes(_encoded(".png"))
+    os.truncate(path, 81_000)
+    for read in (lambda: read_image(path), lambda: read_unchanged(path)):
+        with pytest.raises(SourceError, match=r"has 81000 bytes.*SSIAM_MAX_PIXELS=10125"):
+            read()
+    os.truncate(path, 79_000)
+    assert read_image(path).shape == (30, 40, 3)
+    stack = tmp_path / "a.tiff"
+    stack.write_bytes(_encoded(".tiff") + bytes(81_000))
+    assert read_image(stack).shape == (30, 40, 3)
+
+
+@pytest.mark.parametrize("start", [b"\x89PNG\r\n\x1a\n", b"\xff\xd8"])
+def test_endless_headers(start):
+    """One step for each of these bytes took minutes."""
+    fill = bytes(12) if start.startswith(b"\x89") else b"\xff"
+    assert declared_sizes(start + fill * 100_000) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_is_no_image(tmp_path):
+    """Opening it waited for a writer."""
+    path = tmp_path / "a.png"
+    os.mkfifo(path)
+    with pytest.raises(SourceError, match="not an image"):
+        read_image(path)
+    assert read_unchanged(path) == (b"", None)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\0b"])
+def test_names_that_no_file_can_have(name):
+    with pytest.raises(SourceError, match=r"cannot be read|does not exist"):
+        read_image(Path(name))

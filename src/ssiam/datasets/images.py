@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ssiam.errors import SourceError
-from ssiam.geometry import Image
+from ssiam.errors import SourceError, one_line
+from ssiam.geometry import Image, short_repr
 from ssiam.video.images import UnreadableImage, read_pages
 from ssiam.video.levels import Levels, find_levels, to_8bit
 
@@ -40,7 +40,11 @@ def read_deep(path: Path) -> NDArray[Any]:
     SourceError
         The file is missing or is not an image.
     """
-    if not path.exists():
+    try:
+        exists = path.exists()
+    except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
+        raise SourceError(f"{short_repr(str(path))}: cannot be read ({one_line(error)})") from None
+    if not exists:
         raise SourceError(f"{path}: does not exist; get the frames of the dataset")
     try:
         _, image = next(read_pages(path))

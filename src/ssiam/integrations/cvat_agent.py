@@ -14,7 +14,15 @@ import numpy as np
 
 from ssiam.errors import ArgumentError, MissingExtraError
 from ssiam.exchange.mask_shapes import cvat_mask, polygon
-from ssiam.geometry import XYWH, Image, Mask, corners_from_xywh, xywh_from_corners
+from ssiam.geometry import (
+    XYWH,
+    Image,
+    Mask,
+    corners_from_xywh,
+    finite_array,
+    short_repr,
+    xywh_from_corners,
+)
 from ssiam.trackers import StabilizedTracker, TrackerName, load_tracker
 
 _SHAPES: Final = ("rectangle", "polygon", "mask")
@@ -115,7 +123,7 @@ class CvatTrackingFunction:
             The shape is of another kind, or its box does not fit the image.
         """
         tracker = self._tracker.clone()
-        tracker.init(pp_image, _box(shape.type, shape.points))
+        tracker.init(pp_image, box_of_shape(shape.type, shape.points))
         return TrackingState(tracker, shape.type)
 
     def track(self, context: Any, pp_image: Image, state: TrackingState) -> Any:
@@ -144,16 +152,35 @@ def _sdk() -> Any:
     return sdk
 
 
-def _box(kind: str, points: list[float]) -> XYWH:
-    if kind == "rectangle":
-        left, top, right, bottom = points
-        return left, top, right - left, bottom - top
+def box_of_shape(kind: str, points: Any) -> XYWH:
+    """The upright box around a shape of CVAT, pixels.
+
+    Parameters
+    ----------
+    kind : str
+        `type` of the shape.
+    points : sequence of float
+        As for `CvatTrackingFunction.init_tracking_state`.
+
+    Raises
+    ------
+    ArgumentError
+        The shape is of another kind, or has other points.
+    """
+    if kind not in _SHAPES:
+        raise ArgumentError(
+            f"a {short_repr(kind)} cannot be tracked: draw a {', a '.join(_SHAPES)}"
+        )
+    numbers = finite_array(points)
+    count = numbers.size if numbers is not None and numbers.ndim == 1 else 0
+    fits = {"rectangle": count == _BOUNDS, "polygon": count >= 6 and count % 2 == 0}
+    if numbers is None or not fits.get(kind, count >= _BOUNDS):
+        raise ArgumentError(f"a {kind} of the points {short_repr(points)} cannot be tracked")
     if kind == "polygon":
-        return xywh_from_corners(np.asarray(points, np.float64).reshape(-1, 2))
-    if kind == "mask":
-        left, top, right, bottom = points[-_BOUNDS:]
-        return left, top, right + 1 - left, bottom + 1 - top
-    raise ArgumentError(f"a {kind} cannot be tracked: draw a {', a '.join(_SHAPES)}")
+        return xywh_from_corners(numbers.reshape(-1, 2))
+    left, top, right, bottom = numbers[-_BOUNDS:].tolist()
+    last = 1 if kind == "mask" else 0  # a mask's bounds are those of its last pixels
+    return left, top, right + last - left, bottom + last - top
 
 
 def _points(

@@ -15,6 +15,7 @@ from ssiam.exchange.annotations import (
 from ssiam.exchange.blending import Keyframe
 from ssiam.exchange.corrections import keyframes_of
 from ssiam.exchange.labelstudio import region_annotations, region_value
+from ssiam.geometry import short_repr
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, TrackerGroup
 from ssiam.video import Frame, Source, open_source
@@ -94,9 +95,11 @@ class LabelStudioBackend:
         Raises
         ------
         SsiamError
-            The video cannot be read, or a box does not fit it.
+            A task or region has another form, the video cannot be read, or a box does not fit
+            it.
         """
-        return [self._prediction(task, _regions(task, context)) for task in tasks]
+        checked = [_mapping("a task", task) for task in tasks]
+        return [self._prediction(task, _regions(task, context)) for task in checked]
 
     def _prediction(
         self, task: Mapping[str, Any], regions: Sequence[Mapping[str, Any]]
@@ -122,7 +125,7 @@ class LabelStudioBackend:
         return {"model_version": "ssiam", "score": round(score, 4), "result": result}
 
     def _open(self, task: Mapping[str, Any]) -> Source:
-        address = task.get("data", {}).get(self._video)
+        address = _mapping("data", task.get("data", {})).get(self._video)
         if not isinstance(address, str):
             raise ArgumentError(
                 f"task {task.get('id')} has no video: data has no text under {self._video!r}"
@@ -148,11 +151,25 @@ def _key(task: Mapping[str, Any], region: Mapping[str, Any]) -> tuple[Any, str]:
 
 def _regions(task: Mapping[str, Any], context: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
     """The regions of a VideoRectangle that a person has drawn."""
-    drawn = (context or {}).get("result")
+    drawn = _mapping("the context", context or {}).get("result")
     if not drawn:
-        annotations = task.get("annotations") or [{}]
-        drawn = annotations[-1].get("result") or []
-    return [each for each in drawn if each.get("type") == _KIND]
+        annotations = _list("annotations", task.get("annotations"))
+        last = annotations[-1] if annotations else {}
+        drawn = _mapping("an annotation", last).get("result")
+    regions = [_mapping("a region", each) for each in _list("result", drawn)]
+    return [each for each in regions if each.get("type") == _KIND]
+
+
+def _mapping(name: str, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ArgumentError(f"{name} is {short_repr(value)}: give an object of Label Studio's JSON")
+    return value
+
+
+def _list(name: str, value: Any) -> list[Any]:
+    if value and not isinstance(value, list):
+        raise ArgumentError(f"{name} is {short_repr(value)}: give a list of Label Studio's JSON")
+    return value or []
 
 
 def _tracked(

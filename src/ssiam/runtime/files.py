@@ -8,15 +8,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from ssiam.errors import WeightsError
+from ssiam.errors import WeightsError, one_line
 
 __all__ = [
     "cache_folder",
-    "check_onnx",
     "damaged_error",
     "fingerprint",
     "input_shape_error",
+    "not_arrays_error",
     "not_int8_error",
+    "not_run_error",
     "sha256",
     "weights_sha256",
 ]
@@ -82,22 +83,6 @@ def fingerprint(paths: Iterable[Path], key: str) -> str:
     return hashlib.sha256(f"{stats} {key}".encode()).hexdigest()[:32]
 
 
-def check_onnx(path: Path) -> None:
-    """Raise `WeightsError` if a file cannot be ONNX by its first bytes."""
-    if not path.is_file():
-        raise WeightsError(f"weights {path} do not exist: give the path of an .onnx file")
-    with path.open("rb") as file:
-        start = file.read(64).lstrip()
-    if start.startswith(b"<"):
-        raise WeightsError(
-            f"weights {path} are a web page (they start with {start[:14]!r}), "
-            "not a network: download the file itself"
-        )
-    # An ONNX file starts with its ir_version: protobuf field 1, a varint.
-    if not start.startswith(b"\x08"):
-        raise WeightsError(f"weights {path} are not an ONNX file (they start with {start[:8]!r})")
-
-
 def damaged_error(path: Path) -> WeightsError:
     """The error for an ONNX file that cannot be read although its first bytes are right."""
     return WeightsError(
@@ -113,9 +98,21 @@ def input_shape_error(path: Path, shape: tuple[int, ...]) -> WeightsError:
     )
 
 
+def not_arrays_error(path: Path) -> WeightsError:
+    """The error for a network whose inputs or outputs have no fixed shape."""
+    return WeightsError(
+        f"weights {path} have inputs or outputs without a fixed shape: export the network with one"
+    )
+
+
 def not_int8_error(path: Path) -> WeightsError:
     """The error for a network that should run in int8 but has no quantized layers."""
     return WeightsError(
         f"weights {path} are not in int8: export them with "
         "ssiam weights export NAME FILE --precision int8 --pictures VIDEO"
     )
+
+
+def not_run_error(path: Path, error: Exception) -> WeightsError:
+    """The error for a network that cannot be run on its inputs."""
+    return WeightsError(f"weights {path} cannot be run on these inputs ({one_line(error)})")

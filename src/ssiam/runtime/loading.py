@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError
 from ssiam.runtime.files import cache_folder, fingerprint, sha256
-from ssiam.runtime.manifest import Manifest, find_export, package_version
+from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export, package_version
 from ssiam.runtime.network import DeviceName, Network, Precision, RuntimeName, RuntimeOptions
 from ssiam.runtime.pytorch import load_torch_pieces, wrong_network_error
 
@@ -18,6 +18,9 @@ __all__ = ["Pieces", "load_network", "load_pieces"]
 
 Pieces: TypeAlias = dict[str, Network]
 
+_PAIR: Final = ("template", "search")
+# Pieces that a network cannot do without, if they are not these two
+_PIECES: Final = {"siammask_r50_l3": (*_PAIR, "refine"), "box_mask": ("mask",)}
 _LOG = logging.getLogger(__name__)
 _MIN_SHARED_BYTES: Final = 50_000_000  # size of an .onnx file from which weights are shared
 _DIGITS: Final = 16  # digits of a checkpoint's digest in the name of its exported folder
@@ -141,7 +144,26 @@ def _load_export(folder: Path, network: str, options: RuntimeOptions) -> Pieces:
                 precision=_arithmetic(options),
                 device=options.device,
             )
+    _check_pieces(folder, network, pieces)
     return pieces
+
+
+def _check_pieces(folder: Path, network: str, pieces: Pieces) -> None:
+    """Raise `WeightsError` unless all pieces are there, and search takes what template gives."""
+    missing = [name for name in _PIECES.get(network, _PAIR) if name not in pieces]
+    if missing:
+        raise WeightsError(
+            f"weights folder {folder} holds no {missing[0]}.onnx by its {MANIFEST_FILE}: "
+            "export the network again"
+        )
+    if "template" in pieces:
+        kernels = pieces["template"].output_shapes
+        accepted = pieces["search"].input_shapes[1 : 1 + len(kernels)]
+        if accepted != kernels:
+            raise WeightsError(
+                f"weights folder {folder} holds pieces of different networks: template gives "
+                f"{kernels}, search takes {accepted}; export the network again"
+            )
 
 
 def _load_shared(paths: Mapping[str, Path], manifest: Manifest, options: RuntimeOptions) -> Pieces:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from ssiam.copying import SharedOnCopy
-from ssiam.errors import ArgumentError, MissingExtraError
-from ssiam.runtime.files import check_onnx, damaged_error, input_shape_error, not_int8_error
+from ssiam.errors import ArgumentError, MissingExtraError, WeightsError
+from ssiam.runtime.files import (
+    damaged_error,
+    input_shape_error,
+    not_arrays_error,
+    not_int8_error,
+    not_run_error,
+)
 from ssiam.runtime.network import DeviceName, Precision, Tensor
+from ssiam.runtime.onnx_files import check_onnx, check_shape
 
 try:
     import onnx
     import onnxruntime as ort
+    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 except ModuleNotFoundError as error:
     if error.name not in ("onnx", "onnxruntime"):
         raise
@@ -31,8 +40,15 @@ _PROVIDERS: Final[dict[DeviceName, str]] = {
 }
 _BUILDS: Final = {"coreml": "onnxruntime on macOS"}  # for other devices: onnxruntime-gpu
 _ERRORS_ONLY: Final = 3  # lowest severity that is logged to standard error
+_SHAPE_BYTES: Final = 4096  # up to which weights may be the shape of another array
 _STATE: Final = ort.capi.onnxruntime_pybind11_state
-_LOAD_ERRORS: Final = (_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, RuntimeError)
+# What ONNX Runtime and onnx raise for networks that they cannot read or run
+_LOAD_ERRORS: Final = (
+    *(_STATE.Fail, _STATE.InvalidArgument, _STATE.InvalidGraph, _STATE.InvalidProtobuf),
+    *(_STATE.NotImplemented, _STATE.RuntimeException, DecodeError),
+    *(onnx.checker.ValidationError, onnx.shape_inference.InferenceError),
+    *(RuntimeError, ValueError, TypeError, MemoryError),
+)
 
 
 class OnnxRuntimeNetwork(SharedOnCopy):
@@ -71,6 +87,7 @@ class OnnxRuntimeNetwork(SharedOnCopy):
         precision: Precision = "f32",
         device: DeviceName = "cpu",
     ) -> None:
+        self._path = path
         providers = _providers(device)
         model = _read(path)
         kinds = [node.op_type for node in model.graph.node]
@@ -87,6 +104,8 @@ class OnnxRuntimeNetwork(SharedOnCopy):
             self._session = ort.InferenceSession(content, options, providers=providers)
         except _LOAD_ERRORS as error:
             raise damaged_error(path) from error
+        if not all(_is_array(each.shape) for each in self._session.get_inputs()):
+            raise not_arrays_error(path)
         self._names = [each.name for each in self._session.get_inputs()]
         if input_shape is not None:
             self._check_input_shape(path, input_shape)
@@ -108,14 +127,17 @@ class OnnxRuntimeNetwork(SharedOnCopy):
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
         """New output arrays for float32 inputs."""
-        results = self._session.run(None, dict(zip(self._names, inputs, strict=True)))
+        try:
+            results = self._session.run(None, dict(zip(self._names, inputs, strict=True)))
+        except _LOAD_ERRORS as error:
+            raise not_run_error(self._path, error) from error
         return [np.asarray(each, dtype=np.float32) for each in results]
 
     def _check_input_shape(self, path: Path, shape: tuple[int, ...]) -> None:
         """Run once: ONNX Runtime refuses a shape that does not fit the weights only then."""
         try:
             self(*[np.zeros(each, np.float32) for each in self.input_shapes])
-        except _LOAD_ERRORS as error:
+        except WeightsError as error:
             raise input_shape_error(path, shape) from error
 
 
@@ -133,11 +155,40 @@ def _providers(device: DeviceName) -> list[str]:
 def _read(path: Path) -> Any:
     check_onnx(path)
     try:
-        return onnx.load(path)
-    except Exception as error:  # protobuf's DecodeError has no public name
-        if type(error).__name__ != "DecodeError":
-            raise
+        model = onnx.load(path, load_external_data=False)
+        _check_sizes(path, model)
+    except _LOAD_ERRORS as error:
         raise damaged_error(path) from error
+    return model
+
+
+def _check_sizes(path: Path, model: Any) -> None:
+    """Refuse a network with a huge array between its inputs and outputs."""
+    light = onnx.ModelProto()  # without the weights, which inference would copy
+    light.ir_version, graph = model.ir_version, model.graph
+    light.opset_import.extend(model.opset_import)
+    light.graph.name = graph.name
+    light.graph.node.extend(graph.node)
+    light.graph.input.extend(graph.input)
+    light.graph.output.extend(graph.output)
+    for weights in graph.initializer:
+        if weights.ByteSize() <= _SHAPE_BYTES:
+            light.graph.initializer.append(weights)
+        else:
+            declared = (weights.name, weights.data_type, weights.dims)
+            light.graph.input.append(onnx.helper.make_tensor_value_info(*declared))
+    inferred = onnx.shape_inference.infer_shapes(light).graph
+    for value in (*inferred.value_info, *inferred.output):
+        lengths = [each.dim_value for each in value.type.tensor_type.shape.dim]
+        try:
+            check_shape(lengths)
+        except ValueError as error:
+            raise WeightsError(f"weights {path} cannot be used: {error}") from None
+
+
+def _is_array(shape: Sequence[Any]) -> bool:
+    """Whether an input has a fixed shape."""
+    return all(isinstance(length, int) and length > 0 for length in shape)
 
 
 def _reshaped(path: Path, model: Any, shape: tuple[int, ...]) -> bytes:

@@ -16,14 +16,18 @@ from typing import Any, Final
 import numpy as np
 
 from ssiam.copying import SharedOnCopy
+from ssiam.errors import SinkError, WeightsError
+from ssiam.outputs import make_folder
 from ssiam.runtime.files import (
     cache_folder,
-    check_onnx,
     damaged_error,
     input_shape_error,
+    not_arrays_error,
     not_int8_error,
+    not_run_error,
 )
 from ssiam.runtime.network import Precision, Tensor
+from ssiam.runtime.onnx_files import check_onnx, check_shape
 
 # On import OpenVINO sends telemetry from a forked process. Without a network connection that
 # process can hang and keep this one from exiting. Without the telemetry package OpenVINO uses a
@@ -36,6 +40,8 @@ __all__ = ["CORE", "OpenVinoNetwork", "load_with_shared_weights", "ov", "support
 
 CORE = ov.Core()
 _VERSION: Final = ov.__version__.partition("-")[0]
+# What OpenVINO raises for networks that it cannot read or compile
+_NATIVE_ERRORS: Final = (RuntimeError, ValueError, TypeError, MemoryError)
 _LOG = logging.getLogger(__name__)
 _MIN_CACHED_BYTES: Final = 8_000_000  # size of an .onnx file; smaller ones compile fast
 
@@ -81,6 +87,7 @@ class OpenVinoNetwork(SharedOnCopy):
         cached: bool = True,
         model: ov.Model | None = None,
     ) -> None:
+        self._path = path
         cached = cached and model is None
         model = _read_model(path) if model is None else model
         if input_shape is not None:
@@ -88,7 +95,9 @@ class OpenVinoNetwork(SharedOnCopy):
                 model.reshape({0: list(input_shape)})
             except RuntimeError as error:
                 raise input_shape_error(path, input_shape) from error
-        kinds = [op.get_type_name() for op in model.get_ops()]
+        operations = model.get_ops()
+        kinds = [each.get_type_name() for each in operations]
+        _check_sizes(path, operations, kinds)
         self._convolution_count = sum("Convolution" in kind for kind in kinds)
         if precision == "int8" and not {"FakeQuantize", "QuantizeLinear"} & set(kinds):
             raise not_int8_error(path)
@@ -100,9 +109,14 @@ class OpenVinoNetwork(SharedOnCopy):
             "INFERENCE_PRECISION_HINT": _arithmetic(precision),
         }
         cached = cached and path.stat().st_size >= _MIN_CACHED_BYTES
-        self._compiled = _compile(model, settings, cached=cached)
-        # Requests not in use. One is created when more calls run at once than ever before.
-        self._idle = deque([self._compiled.create_infer_request()])
+        try:
+            self._compiled = _compile(model, settings, cached=cached)
+            # Requests not in use. One is created when more calls run at once than ever before.
+            self._idle = deque([self._compiled.create_infer_request()])
+        except _NATIVE_ERRORS as error:
+            raise damaged_error(path) from error
+        if not all(map(_is_array, (*self._compiled.inputs, *self._compiled.outputs))):
+            raise not_arrays_error(path)
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
@@ -125,6 +139,8 @@ class OpenVinoNetwork(SharedOnCopy):
         try:
             results = request.infer(list(inputs), share_inputs=True, share_outputs=True)
             return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
+        except _NATIVE_ERRORS as error:
+            raise not_run_error(self._path, error) from error
         finally:
             self._idle.append(request)
 
@@ -152,9 +168,9 @@ def _compile(model: ov.Model, settings: dict[str, Any], *, cached: bool) -> ov.C
     if cached:
         folder = cache_folder() / "openvino"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
             return CORE.compile_model(model, "CPU", settings | {"CACHE_DIR": str(folder)})
-        except (OSError, RuntimeError) as error:
+        except (SinkError, OSError, RuntimeError) as error:
             _LOG.info("compiled networks are not cached in %s: %s", folder, error)
     return CORE.compile_model(model, "CPU", settings)
 
@@ -164,8 +180,25 @@ def _read_model(path: Path) -> ov.Model:
     check_onnx(path)
     try:
         return CORE.read_model(path)
-    except RuntimeError as error:
+    except _NATIVE_ERRORS as error:
         raise damaged_error(path) from error
+
+
+def _check_sizes(path: Path, operations: Sequence[Any], kinds: Sequence[str]) -> None:
+    """Refuse a network with a huge array between its inputs and outputs."""
+    for operation, kind in zip(operations, kinds, strict=True):
+        for port in operation.outputs() if kind != "Constant" else ():
+            shape = port.get_partial_shape()
+            if shape.is_static:
+                try:
+                    check_shape(list(shape.to_shape()))
+                except ValueError as error:
+                    raise WeightsError(f"weights {path} cannot be used: {error}") from None
+
+
+def _is_array(port: Any) -> bool:
+    """Whether an input or output has a fixed shape."""
+    return bool(port.partial_shape.is_static)
 
 
 def load_with_shared_weights(
@@ -198,7 +231,7 @@ def load_with_shared_weights(
     try:
         joint = _read_joint_model(paths, cache_folder() / "openvino" / f"{digest}-{_VERSION}.xml")
         models = [_extract(joint, number) for number in range(len(paths))]
-    except (OSError, RuntimeError) as error:
+    except (SinkError, OSError, RuntimeError) as error:
         _LOG.info("networks do not share their weights: %s", error)
         return [OpenVinoNetwork(path, None, threads, precision) for path in paths]
     networks = []
@@ -212,7 +245,7 @@ def _read_joint_model(paths: Sequence[Path], file: Path) -> ov.Model:
     """The networks as one model, read from `file`, which is written first if necessary."""
     with suppress(RuntimeError):  # missing or damaged
         return CORE.read_model(file)
-    file.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(file.parent)
     with TemporaryDirectory(dir=file.parent, prefix=".joint-") as temporary:
         written = Path(temporary, file.name)
         ov.serialize(_join([_read_model(path) for path in paths]), written)

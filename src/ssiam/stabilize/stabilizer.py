@@ -10,6 +10,7 @@ from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import IDENTITY, Transform, frame_center, rigid, short_repr
 from ssiam.motion import Motion
+from ssiam.motion.motion import as_motion
 from ssiam.stabilize.config import StabilizerConfig
 from ssiam.stabilize.judge import ShakeJudge
 
@@ -53,12 +54,14 @@ class Stabilizer(DeepCopied):
         Raises
         ------
         ArgumentError
-            `motion` is not a `Motion`.
+            `motion` is not a `Motion`, or one that no camera can make: with NaN, or out of all
+            bounds.
         """
         if not isinstance(motion, Motion):
             raise ArgumentError(f"motion is {short_repr(motion)}: give a Motion")
         if self._config.stabilize == "off" or not motion.reliable:
             return self._stab_from_raw
+        as_motion(motion, motion.size_wh)
         self._path.advance(motion)
         dx, dy, angle = self._limited(self._correction(motion), motion.size_wh)
         self._stab_from_raw = rigid(dx, dy, angle, frame_center(motion.size_wh))

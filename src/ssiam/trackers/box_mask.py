@@ -23,6 +23,10 @@ Span: TypeAlias = tuple[Floats, Floats]  # first pixel (2,) and end (2,), x and 
 
 CROP_SIDE: Final = 128  # px, side of the network's input
 CONTEXT: Final = 1.6  # width and height of the crop, in those of the box
+MASK_SHAPES: Final = (  # of the inputs and outputs of the network
+    [(1, 3, CROP_SIDE, CROP_SIDE)],
+    [(1, 1, CROP_SIDE // 2, CROP_SIDE // 2)],
+)
 _CELL: Final = 2  # px of the crop in a cell of the mask
 _HALF: Final = 127  # of 255: a probability of one half
 _MIN_FILL: Final = 0.25  # minimum share of a small box that its mask covers

@@ -13,12 +13,12 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.errors import ArgumentError
+from ssiam.errors import ArgumentError, WeightsError
 from ssiam.geometry import XYWH
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
-from ssiam.trackers.box_mask import BoxMask
+from ssiam.trackers.box_mask import MASK_SHAPES, BoxMask
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.siamese import (
@@ -47,12 +47,16 @@ NETWORK: Final = "lite2"  # its name in network.json; "lite" was another network
 SEARCH_SIDE: Final = 255  # px, side of the search crop
 _STRIDE: Final = 16  # px between cells
 _SIDE: Final = 15  # cells
+_CROPS: Final = (1, 3, TEMPLATE_SIDE, TEMPLATE_SIDE), (1, 3, SEARCH_SIDE, SEARCH_SIDE)
+_KERNELS: Final = [(1, 64, 96), (1, 64, 96), (1, 96, 4, 4), (1, 96, 4, 4)]
+_CONTEXT: Final = (2, 96, 64)  # of each attention block
+_MAPS: Final = [(1, 1, _SIDE, _SIDE), (1, 1, _SIDE, _SIDE), (1, 4, _SIDE, _SIDE)]
 _LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 
 # From benchmarks/calibration/search_parameters.py, on videos left out of training. These prefer a
 # faster `lr` of 0.75 by .004; among small targets in groups, an earlier network lost with 0.8.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.3, lr=0.5)
-CONFIDENCE: Final = Confidence((1.0, 0.5), -1.0)
+CONFIDENCE: Final = Confidence((1.16, 1.61), -4.61)  # benchmarks/calibration/confidence.py
 MASK_THRESHOLD: Final = 0.5
 
 
@@ -114,7 +118,13 @@ class LiteNetworks:
         if options.precision == "int8":
             raise ArgumentError("tracker lite has no int8 weights: leave precision out")
         pieces = load_pieces(weights, NETWORK, options)
-        return cls(pieces["template"], pieces["search"], pieces.get("mask"))
+        networks = cls(pieces["template"], pieces["search"], pieces.get("mask"))
+        if not networks._have_the_shapes_of_lite():
+            raise WeightsError(
+                f"{weights} holds weights of another network than lite: the inputs and outputs of "
+                "its pieces have other shapes"
+            )
+        return networks
 
     def responses(self, crop: Tensor, kernels: list[Tensor], recent: Tensor) -> list[Tensor]:
         """Outputs of `search` for a crop, the kernels, and the context of a recent template.
@@ -123,6 +133,19 @@ class LiteNetworks:
         """
         inputs = crop, *kernels, recent
         return self.search(*inputs[: len(self.search.input_shapes) or None])
+
+    def _have_the_shapes_of_lite(self) -> bool:
+        (template_crop, search_crop), mask = _CROPS, self.mask
+        kernels, contexts = self.template.output_shapes[:4], self.template.output_shapes[4:]
+        inputs = [search_crop, *_KERNELS]
+        return (
+            self.template.input_shapes == [template_crop]
+            and kernels == _KERNELS
+            and [(each[0], *each[2:]) for each in contexts if each] == [(1, *_CONTEXT)]
+            and self.search.input_shapes in (inputs, [*inputs, *contexts, *contexts])
+            and self.search.output_shapes == _MAPS
+            and (mask is None or (mask.input_shapes, mask.output_shapes) == MASK_SHAPES)
+        )
 
 
 @dataclass

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple, get_args
 
 from ssiam.errors import WeightsError, check_choice
-from ssiam.outputs import check_distinct, output_error
+from ssiam.outputs import check_distinct, make_folder, output_error
 from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 from ssiam.runtime.files import cache_folder, sha256, weights_sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
@@ -198,8 +198,8 @@ def copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> 
     SinkError
         The folder cannot be written.
     """
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
             for file in files:
                 target = folder / (name or file.name)

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 import torch
 
 from ssiam.errors import ArgumentError, WeightsError
+from ssiam.geometry import short_repr
 from ssiam.networks import inference_graphs, write_onnx
 from ssiam.networks.box_mask import BOX_MASK_CROP, BoxMaskNetwork
 from ssiam.networks.checkpoints import read_torch_file
@@ -38,6 +39,9 @@ __all__ = [
 ]
 
 CHECKPOINT: Final = "checkpoint.pth"
+
+# What content of another form raises
+_DAMAGES: Final = (AttributeError, KeyError, RecursionError, TypeError, ValueError)
 
 State: TypeAlias = dict[str, Any]
 
@@ -84,18 +88,22 @@ def read_checkpoint(folder: Path, settings: TrainSettings) -> State | None:
         return None
     try:
         content = read_torch_file(path)
-        theirs = parse_json(content.pop("settings"))
-    except (WeightsError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise WeightsError(
-            f"checkpoint {path} is damaged: remove it to train from the start, or restore a copy"
-        ) from error
-    difference = _difference(_with_defaults(theirs), _as_json(settings))
+        theirs = _with_defaults(parse_json(content.pop("settings")))
+        difference = _difference(theirs, _as_json(settings))
+    except (WeightsError, *_DAMAGES) as error:
+        raise _damaged(path) from error
     if difference:
         raise ArgumentError(
             f"{folder} holds a run with other settings ({difference}): "
             "give another folder with --out, or those settings"
         )
     return dict(content)
+
+
+def _damaged(path: Path) -> WeightsError:
+    return WeightsError(
+        f"checkpoint {path} is damaged: remove it to train from the start, or restore a copy"
+    )
 
 
 def write_pth(path: Path, content: Any) -> None:
@@ -152,7 +160,9 @@ def _difference(theirs: Any, ours: Any, name: str = "") -> str:
             for key in sorted(theirs.keys() | ours.keys())
         )
     else:
-        return "" if theirs == ours else f"{name} is {theirs!r} there and {ours!r} here"
+        if theirs == ours:
+            return ""
+        return f"{name} is {short_repr(theirs)} there and {short_repr(ours)} here"
     return next(filter(None, differences), "")
 
 
@@ -260,6 +270,10 @@ def write_network_so_far(settings: TrainSettings, run: Path, folder: Path) -> in
     if state is None:
         raise ArgumentError(f"{run} holds no run: give the folder of one with --out")
     network = build_network(settings.network)
-    network.load_state_dict(state["average"])
+    try:
+        network.load_state_dict(state["average"])
+        step = int(state["step"])
+    except (*_DAMAGES, OverflowError, RuntimeError) as error:
+        raise _damaged(run / CHECKPOINT) from error
     write_network(network.eval(), folder)
-    return int(state["step"])
+    return step

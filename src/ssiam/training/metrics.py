@@ -18,6 +18,7 @@ __all__ = ["METRICS", "Metrics"]
 
 METRICS: Final = "metrics.csv"
 _COLUMNS: Final = ("step", "name", "value")
+_MAX_BYTES: Final = 1 << 27  # of a run's metrics; a million steps have less than a third
 _MAX_DIGITS: Final = 18  # of a step
 
 
@@ -86,6 +87,9 @@ def _rows_before(path: Path, step: int) -> list[list[str]]:
     """The rows of earlier steps, without the header and damaged rows."""
     if not path.is_file():
         return []
+    size = path.stat().st_size
+    if size > _MAX_BYTES:
+        raise SinkError(f"{path}: has {size} bytes, more than the metrics of a run; move it away")
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     rows = [words for line in lines if len(words := line.split(",")) == len(_COLUMNS)]
     return [row for row in rows if _is_before(row[0], step)]

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, Final, TypeAlias, cast
 
 import torch
 from torch import Tensor, nn
+from torch.optim import AdamW
 
 from ssiam.errors import WeightsError
 from ssiam.outputs import make_folder
@@ -34,8 +35,14 @@ from ssiam.training.students import build_student
 from ssiam.training.teachers import DistillationSampler
 from ssiam.training.validation import validate
 
-__all__ = ["Batches", "Report", "Trainer", "train", "training_batches"]
+__all__ = ["Batches", "Report", "Trainer", "load_optimizer", "train", "training_batches"]
 
+_MAX_STEPS: Final = 2**53
+# What PyTorch raises for a state of another form
+_STATE_ERRORS: Final = (
+    *(AssertionError, AttributeError, IndexError, KeyError, OverflowError, RuntimeError),
+    *(TypeError, ValueError),
+)
 Batches: TypeAlias = Callable[[range], Iterator[AnyBatch]]
 Report: TypeAlias = Callable[[int, dict[str, float]], None]
 
@@ -104,13 +111,49 @@ class Trainer:
         try:
             self._student.load_state_dict(state["student"])
             self.average.network.load_state_dict(state["average"])
-            self._optimizer.load_state_dict(state["optimiser"])
+            load_optimizer(self._optimizer, state["optimiser"])
             torch.set_rng_state(state["random"])
-            self.step = int(state["step"])
-        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            self.step = _checked_step(state["step"])
+        except _STATE_ERRORS as error:
             raise WeightsError(
                 "the checkpoint is of another network: train from the start in another folder"
             ) from error
+
+
+def load_optimizer(optimizer: AdamW, state: Any) -> None:
+    """Load the state of the same optimizer in an earlier process.
+
+    PyTorch accepts any numbers and shapes, and fails in a later step.
+
+    Raises
+    ------
+    WeightsError
+        The state is of other parameters or other settings, or is damaged.
+    """
+    try:
+        groups = optimizer.state_dict()["param_groups"]
+        for own, other in zip(groups, state["param_groups"], strict=True):
+            for key in own.keys() & other.keys() - {"lr"}:  # set in each step
+                if type(other[key]) is not type(own[key]) or other[key] != own[key]:
+                    raise ValueError(key)
+        parameters = [each for group in optimizer.param_groups for each in group["params"]]
+        for number, moments in state["state"].items():
+            for name, moment in moments.items():
+                shape = () if name == "step" else parameters[number].shape
+                if not moment.is_floating_point() or tuple(moment.shape) != tuple(shape):
+                    raise ValueError(name)
+        optimizer.load_state_dict(state)
+    except _STATE_ERRORS as error:
+        raise WeightsError(
+            "the checkpoint has the state of another optimizer: train from the start in another "
+            "folder"
+        ) from error
+
+
+def _checked_step(step: Any) -> int:
+    if type(step) is not int or not 0 <= step < _MAX_STEPS:
+        raise ValueError(f"step {step!r}")
+    return step
 
 
 def training_batches(settings: TrainSettings) -> Batches:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 from collections.abc import Iterator
+from pathlib import Path
+from stat import S_ISREG
 from typing import Final
 
 from ssiam.errors import ArgumentError, SourceError
 
-__all__ = ["check_pixels", "declared_sizes", "max_pixels"]
+__all__ = ["check_file", "check_pixels", "declared_sizes", "max_pixels"]
 
 MAX_PIXELS_VARIABLE: Final = "SSIAM_MAX_PIXELS"
 # 16,000 x 8,000 pixels, more than any camera's; a frame of 8 bits has 384 MB.
 _MAX_PIXELS: Final = 128_000_000
+_PIXEL_BYTES: Final = 8  # four channels of 16 bits
+_STACK_PAGES: Final = 8  # pages of the most pixels that a file may have
 _TIFF_MAGIC: Final = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _TIFF_SIZES: Final = (256, 257)  # tags ImageWidth and ImageLength
 _TIFF_FORMATS: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}  # of unsigned integers
@@ -55,6 +60,33 @@ def check_pixels(name: str, width: int, height: int) -> None:
         )
 
 
+def check_file(path: Path, *, is_stack: bool) -> None:
+    """Check that a file can be read whole: not a pipe or a device, and not too large.
+
+    Parameters
+    ----------
+    path : Path
+    is_stack : bool
+        Whether it may have several pages or frames.
+
+    Raises
+    ------
+    OSError
+        It is not a file.
+    SourceError
+        It has more bytes than images of `max_pixels` pixels need.
+    """
+    status = path.stat()
+    if not S_ISREG(status.st_mode):
+        raise OSError(f"{path} is not a file")
+    pixels = math.ceil(status.st_size / (_PIXEL_BYTES * (_STACK_PAGES if is_stack else 1)))
+    if pixels > max_pixels():
+        raise SourceError(
+            f"{path}: has {status.st_size} bytes, more than an image needs; if you trust it, set "
+            f"{MAX_PIXELS_VARIABLE}={pixels}"
+        )
+
+
 def declared_sizes(data: bytes | memoryview) -> list[tuple[int, int]]:
     """Width and height of each image of a JPEG, PNG, BMP, TIFF or WebP file, by its headers.
 
@@ -81,9 +113,11 @@ def _png(data: bytes | memoryview) -> tuple[int, int]:
     """The size; `IndexError` if a chunk is longer than the file: OpenCV would allocate it."""
     offset = 8
     while offset + 8 <= len(data):
-        (length,) = struct.unpack_from(">I", data, offset)
-        if length > len(data):
+        length, kind = struct.unpack_from(">I4s", data, offset)
+        if length > len(data) or not kind.isalpha():
             raise IndexError
+        if kind == b"IEND":
+            break
         offset += 12 + length
     width, height = struct.unpack_from(">II", data, 16)
     return width, height
@@ -99,6 +133,7 @@ def _jpeg(data: bytes | memoryview) -> tuple[int, int]:
         marker = data[offset + 1]
         if marker == 0xFF or marker in _JPEG_BARE or marker == 0:
             offset += 1 if marker == 0xFF else 2
+            skipped += 1
             continue
         if marker in _JPEG_SIZES:
             height, width = struct.unpack_from(">HH", data, offset + 5)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ssiam.errors import SourceError, SsiamError, StreamError
 from ssiam.parsing import is_number_word
 from ssiam.video.frames import DecodedImages, Source, SourceInfo
-from ssiam.video.image_sizes import check_pixels, declared_sizes, max_pixels
+from ssiam.video.image_sizes import check_file, check_pixels, declared_sizes, max_pixels
 from ssiam.video.levels import Levels, convert_to_8bit
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
@@ -130,6 +130,13 @@ def is_stack(head: bytes) -> bool:
     return head[:4] in _TIFF_MAGIC or _is_animated_webp(head)
 
 
+def _is_stack_file(path: Path) -> bool:
+    if not path.is_file():  # opening a pipe would wait for its writer
+        raise OSError(f"{path} is not a file")
+    with path.open("rb") as file:
+        return is_stack(file.read(32))
+
+
 def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
     """Display duration (seconds, None if unknown) and pixels of each frame of an image file.
 
@@ -143,6 +150,7 @@ def read_pages(path: Path) -> Iterator[tuple[Fraction | None, NDArray[Any]]]:
         The file declares more than `max_pixels` pixels.
     """
     try:
+        check_file(path, is_stack=_is_stack_file(path))
         count = _page_count(path)
         # Not `cv2.imread`, which fails on non-Latin paths under Windows, and not a memory map: if
         # another program truncates a mapped file, the system ends this process (SIGBUS).

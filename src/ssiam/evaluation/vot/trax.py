@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 from types import TracebackType
 from typing import Any
 
@@ -27,7 +29,14 @@ from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 from ssiam.video.levels import Levels
 
-_STDOUT, _STDERR = 1, 2
+_STDIN, _STDOUT, _STDERR = 0, 1, 2
+_IN_VARIABLE = "TRAX_IN"  # environment variable of libtrax, as _OUT_VARIABLE
+_SOCKET_VARIABLE = "TRAX_SOCKET"
+_READ_BYTES = 1 << 16
+_MAX_LINE = 1 << 20  # bytes; a polygon of a thousand corners has 20,000
+_MESSAGE, _START, _QUIT = b"@@TRAX:", b"@@TRAX:initialize", b"@@TRAX:quit"
+_ARGUMENT = re.compile(rb'"((?:[^"\\]|\\.)*)"')
+_REGION = re.compile(rb"\s*-?[0-9][0-9.eE+-]*(\s*,\s*-?[0-9][0-9.eE+-]*){3,}\s*")
 # Environment variable of libtrax: the descriptor to write to in place of standard output.
 _OUT_VARIABLE = "TRAX_OUT"
 
@@ -59,6 +68,8 @@ def serve(tracker: StabilizedTracker) -> None:
         start: Any = None
         levels: Levels | None = None
         while (request := session.next()) is not None:
+            if start is None and not request.objects:
+                raise StreamError("the TraX client sent a frame before it started a target")
             path = Path(request.image["color"].path())
             if request.objects:
                 levels = image_levels(path)
@@ -78,6 +89,7 @@ class _Session:
     def __init__(self) -> None:
         import trax
 
+        self._relay = _Relay()
         # Not the "vot" metadata: with it the toolkit starts a new process at every start.
         self._server = trax.Server(
             [trax.Region.RECTANGLE, trax.Region.POLYGON], [trax.Image.PATH], tracker_name="ssiam"
@@ -90,10 +102,12 @@ class _Session:
         try:
             request = self._server.wait()
         except TraxException:
+            request = None
+        if request is None or (request.type == TraxStatus.QUIT and self._relay.broke_off):
             raise StreamError(
                 "the TraX client disconnected, or violated the protocol (it starts a target before "
                 "it sends frames, and ends with quit)"
-            ) from None
+            )
         return None if request.type == TraxStatus.QUIT else request
 
     def reply(self, region: Any, confidence: float) -> None:
@@ -110,6 +124,57 @@ class _Session:
         traceback: TracebackType | None,
     ) -> None:
         self._server.quit(None if exc is None else one_line(exc))
+
+
+class _Relay:
+    """Gives libtrax the messages of standard input that it can read.
+
+    libtrax waits without end, and without a pause, after a message that breaks off and after a
+    client that has disconnected before its first frame; an empty region ends the process.
+
+    Attributes
+    ----------
+    broke_off : bool
+        Whether the messages ended without quit, or with one that libtrax cannot read.
+    """
+
+    def __init__(self) -> None:
+        self.broke_off = False
+        if _SOCKET_VARIABLE in os.environ:  # libtrax connects itself
+            return
+        self._source = int(os.environ.get(_IN_VARIABLE, _STDIN))
+        whole, self._target = os.pipe()
+        os.environ[_IN_VARIABLE] = str(whole)
+        Thread(target=self._run, daemon=True).start()
+
+    def _run(self) -> None:
+        with suppress(OSError), open(self._target, "wb", buffering=0) as file:
+            for line in self._lines():
+                if not _is_readable(line):
+                    break
+                file.write(line + b"\n")
+                if line.startswith(_QUIT):
+                    return
+            self.broke_off = True
+            file.write(_QUIT + b" \n")
+
+    def _lines(self) -> Iterator[bytes]:
+        """Lines until the end, or until one is too long; not one that breaks off."""
+        rest = b""
+        while len(rest) <= _MAX_LINE and (data := os.read(self._source, _READ_BYTES)):
+            *lines, rest = (rest + data).split(b"\n")
+            yield from lines
+
+
+def _is_readable(line: bytes) -> bool:
+    """Whether libtrax can read a line: other output, or a message with whole arguments."""
+    if not line.startswith(_MESSAGE):
+        return b'"' not in line
+    words = _ARGUMENT.findall(line)
+    if b"" in words or b'"' in _ARGUMENT.sub(b"", line):
+        return False
+    is_start = line.startswith(_START)
+    return not is_start or (bool(words) and _REGION.fullmatch(words[0]) is not None)
 
 
 def _start_box(region: Any) -> list[float]:

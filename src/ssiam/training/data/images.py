@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ssiam.datasets import read_image
 from ssiam.errors import SourceError
 from ssiam.geometry import Image
-from ssiam.video.image_sizes import check_pixels, declared_sizes
+from ssiam.video.image_sizes import check_file, check_pixels, declared_sizes
 
 __all__ = ["image_size", "read_cached", "read_labels", "read_unchanged"]
 
@@ -70,6 +70,7 @@ def read_labels(path: Path) -> Labels:
 def read_unchanged(path: Path) -> tuple[bytes, NDArray[np.generic] | None]:
     """The bytes of an image file, and the image with all its channels; None if it is damaged."""
     try:
+        check_file(path, is_stack=False)
         encoded = np.fromfile(path, dtype=np.uint8)
         sizes = declared_sizes(encoded.tobytes())
         for width, height in sizes:
