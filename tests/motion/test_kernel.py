@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import shutil
 import subprocess
 import sys
 from copy import deepcopy
@@ -101,9 +102,9 @@ def test_motions_are_the_same(clip, with_box, model, numpy_twin):
     else:
         frames = frames_of(SHARED_VIDEO, *((8, (3840, 2160)) if "4K" in clip else (50,)))
     height, width = frames[0].shape[:2]
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]])
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
     if clip == "circle":  # its corners are outside of the scene
-        corners = (corners + (width / 2, height / 2)) / 2
+        corners = corners / 2 + np.array([width, height]) / 4
     box = (0.4 * width, 0.3 * height, 0.3 * width, 0.4 * height) if with_box else None
     compiled, twin = CameraMotion(model=model), CameraMotion(model=model)
     for index, frame in enumerate(frames):
@@ -264,3 +265,13 @@ def test_a_library_of_another_version_is_not_used(tmp_path):
     assert done.stdout.split() == ["None", "None"]
     assert "is of another version: install ssiam again" in done.stderr
     assert "cannot be used" in done.stderr
+
+
+@pytest.mark.skipif(
+    shutil.which("aarch64-linux-gnu-gcc") is None or shutil.which("qemu-aarch64-static") is None,
+    reason="needs gcc-aarch64-linux-gnu and qemu-user-static",
+)
+def test_the_kernel_gives_the_same_on_arm():
+    command = [sys.executable, str(ROOT / "scripts" / "arm_kernel.py")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -91,7 +91,9 @@ class Grid:
         layout = GridLayout(image_wh, stride, self._first, side, self.shape)
         self.kernel: GridKernel | None = None
         if kernel.is_used() and layout.fits:
-            self.kernel = GridKernel(layout, pixel_from_unit, self._unit_from_sample, self.flow)
+            self.kernel = GridKernel(
+                layout, pixel_from_unit, np.asarray(self._unit_from_sample, np.float64), self.flow
+            )
 
     def template(self, image: Image, reuse: AnyTemplate | None = None) -> AnyTemplate:
         """The template of an image (H, W) uint8; `reuse` is one that is not needed any more."""
@@ -199,7 +201,7 @@ class CellTemplate:
         self.texture: Floats = squares * (1 / samples.shape[1])
         self.textured = self.texture > _MIN_TEXTURE
 
-    def change_to(self, later: CellTemplate) -> Floats:
+    def change_to(self, later: Any) -> Floats:
         """Mean squared change (cells,) to the same cells of a later image, gray levels squared."""
         return self.grid.mean(np.square(later.values - self.values))
 

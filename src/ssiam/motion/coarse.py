@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import IDENTITY, Image, Transform
-from ssiam.motion.alignment import AlignmentSettings, agreement, align
 from ssiam.motion import kernel
+from ssiam.motion.alignment import AlignmentSettings, agreement, align
 from ssiam.motion.cells import AnyTemplate, Floats, Grid
 from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
@@ -123,10 +123,12 @@ def _block_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, fl
     columns, rows = (
         (_LONG_BLOCKS, _SHORT_BLOCKS) if width >= height else (_SHORT_BLOCKS, _LONG_BLOCKS)
     )
-    share = cv2.resize(background, (columns, rows), interpolation=cv2.INTER_AREA)
+    share: Floats = np.asarray(
+        cv2.resize(background, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32
+    )
     if not share.any():
         return 0.0, 0.0
-    min_share = _MIN_BACKGROUND * share.max()
+    min_share = _MIN_BACKGROUND * float(share.max())
     if kernel.is_used():
         dx, dy = kernel.block_shift(prev, cur, reach, share, min_share)
         return float(dx), float(dy)

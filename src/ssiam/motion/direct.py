@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
+from ssiam.motion import kernel
 from ssiam.motion.alignment import Alignment, AlignmentSettings, align
 from ssiam.motion.cells import AnyTemplate, Floats, Grid
 from ssiam.motion.coarse import CoarseEstimator
@@ -75,6 +76,7 @@ class DirectMotion:
     """
 
     def __init__(self, size_wh: tuple[int, int], model: ModelName) -> None:
+        kernel.report_absence()
         self._size_wh = size_wh
         self._builder = builder = PyramidBuilder(size_wh)
         self._coarse = CoarseEstimator(builder)
@@ -127,16 +129,19 @@ class DirectMotion:
     def _frame_data(self, frame: Image) -> _FrameData:
         """Pyramid and templates of a frame (H, W, 3), with flat areas outside the scene filled."""
         spare = self._spare
-        pyramid = self._builder.from_frame(frame, spare and spare.pyramid)
-        fine = self._grid.template(pyramid.fine, spare and spare.fine)
-        coarse_grid, coarse_spare = self._coarse.grid, spare and spare.coarse
+        spare_levels, spare_fine, spare_coarse = (
+            (None, None, None) if spare is None else (spare.pyramid, spare.fine, spare.coarse)
+        )
+        pyramid = self._builder.from_frame(frame, spare_levels)
+        fine = self._grid.template(pyramid.fine, spare_fine)
+        coarse_grid = self._coarse.grid
         outside = flat_outside(pyramid.fine)
         if outside is None:
-            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, coarse_spare), fine)
+            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, spare_coarse), fine)
         inside = without_rim(outside)
         scene = self._grid.mask_share(inside) >= 1 - _MAX_RIM
         if (scene & fine.textured).sum() < _MIN_SCENE * fine.textured.sum():
-            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, coarse_spare), fine)
+            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, spare_coarse), fine)
         filled = pyramid.fine.copy()
         filled[outside > 0] = round(cv2.mean(filled, inside)[0])
         pyramid = self._builder.from_fine(filled)
@@ -147,7 +152,7 @@ class DirectMotion:
         coarse_scene = coarse_grid.mask_share(coarse_inside) >= 1 - _MAX_RIM
         return _FrameData(
             pyramid,
-            coarse_grid.template(pyramid.coarse, coarse_spare),
+            coarse_grid.template(pyramid.coarse, spare_coarse),
             fine,
             scene.astype(np.float32),
             coarse_scene.astype(np.float32),

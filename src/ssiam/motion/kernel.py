@@ -16,7 +16,7 @@ import os
 from ctypes import POINTER, Structure, c_double, c_int32, c_int64, c_void_p
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,10 +52,13 @@ class _Template(Structure):
     )
 
 
+_SETTINGS: Final = ("noise", "tolerance", "evenness", "min_step", "tightening", "max_iterations")
+
+
 class _Settings(Structure):
     _fields_ = (
-        *((n, c_double) for n in ("noise", "tolerance", "evenness", "min_step", "tightening")),
-        ("max_iterations", c_int32),
+        *((name, c_double) for name in _SETTINGS[:-1]),
+        (_SETTINGS[-1], c_int32),
     )
 
 
@@ -133,23 +136,6 @@ def report_absence() -> None:
             "camera motion runs in NumPy, at a third of the speed: install a C compiler (gcc or "
             "clang), then ssiam again"
         )
-
-
-class SettingsLike(Protocol):
-    """The fields of `AlignmentSettings`."""
-
-    @property
-    def noise(self) -> float: ...
-    @property
-    def tolerance(self) -> float: ...
-    @property
-    def evenness(self) -> float: ...
-    @property
-    def min_step(self) -> float: ...
-    @property
-    def tightening(self) -> float: ...
-    @property
-    def max_iterations(self) -> int: ...
 
 
 class _Addressed:
@@ -234,7 +220,7 @@ class GridKernel(_Addressed):
         image: Image,
         start: Transform,
         background_share: Floats,
-        settings: SettingsLike,
+        settings: Any,
     ) -> tuple[Transform, Floats]:
         """As `ssiam.motion.alignment.align`: the transform, and the error of each cell."""
         self._share[:] = background_share
@@ -280,7 +266,7 @@ class TemplateKernel(_Addressed):
         """Compute the template of an image (H, W) uint8."""
         _library().ssiam_template(self.kernel.struct, image.ctypes.data, self.struct)
 
-    def change_to(self, later: TemplateKernel) -> Floats:
+    def change_to(self, later: Any) -> Floats:
         """As `CellTemplate.change_to`."""
         change = np.empty_like(self.texture)
         _library().ssiam_change(self.kernel.struct, self.struct, later.struct, change.ctypes.data)
@@ -382,12 +368,13 @@ def _library() -> ctypes.CDLL:
 
 
 @lru_cache
-def _settings(settings: SettingsLike) -> _Settings:
-    return _Settings(*(getattr(settings, name) for name, _ in _Settings._fields_))
+def _settings(settings: Any) -> _Settings:
+    """The fields of `AlignmentSettings`."""
+    return _Settings(*(getattr(settings, name) for name in _SETTINGS))
 
 
 def _taps(size: int, count: int) -> NDArray[np.int32]:
-    """Pixels (2, count) for linear interpolation as in OpenCV: index, weight of the next of 2048."""
+    """Linear interpolation as in OpenCV (2, count): pixels, and the weight of the next of 2048."""
     position = ((np.arange(count) + 0.5) * (size / count) - 0.5).astype(np.float32)
     first = np.floor(position).astype(np.int32)
     weight = np.rint((position - first) * np.float32(2048)).astype(np.int32)
