@@ -51,7 +51,7 @@ def test_settings_are_the_measured_ones():
     excluded = AlignmentSettings(1.0, 0.3, 0.5, 8, 2e-3, 1.0)
     assert excluded == coarse._WITH_EXCLUSION
     assert AlignmentSettings(1.0, 0.3, 1.0, 16, 1e-3, 0.8) == coarse._WITHOUT_EXCLUSION
-    assert AlignmentSettings(2.0, 0.3, 0.3, 4, 5e-4) == direct._WITH_EXCLUSION
+    assert AlignmentSettings(2.0, 0.3, 0.3, 4, 5e-5) == direct._WITH_EXCLUSION
     assert replace(direct._WITH_EXCLUSION, evenness=1.0, tolerance=0.1) == direct._WITHOUT_EXCLUSION
 
 

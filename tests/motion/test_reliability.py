@@ -30,7 +30,7 @@ def checked(prepared, explained, transform=None, share=None):
     """The motion if these shares (rows, columns) of the texture of the cells are explained."""
     template = prepared._prev.fine
     error = (1 - explained.ravel()) * (template.texture + 1e-3)
-    share = np.ones(template.grid.cells, np.float32) if share is None else share.ravel()
+    share = np.ones(prepared._grid.cells, np.float32) if share is None else share.ravel()
     transform = np.eye(3) if transform is None else transform
     return prepared._checked(template, Alignment(transform, error), share)
 

@@ -92,6 +92,10 @@ def _run(words: list[str]) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     if words == ["--version"]:  # cyclopts prints it too, but imports rich for it
         print(__version__)
+    elif sorted(words) in (["--version", "-v"], ["--verbose", "--version"]):
+        from ssiam.motion import kernel
+
+        print(f"{__version__}\ncamera motion: {kernel.description()}")
     else:
         if not words or words[0] in app.help_flags:
             app.resolved_commands()  # the overview shows the first line of each command's help

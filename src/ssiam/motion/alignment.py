@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
-from ssiam.motion.cells import CellTemplate, Floats
+from ssiam.motion.cells import AnyTemplate, CellTemplate, CompiledTemplate, Floats
 from ssiam.motion.models import normalized, small_transform
 
 # Added to the diagonal of the Hessian, so that an image without texture has a solution
@@ -77,7 +77,7 @@ class Alignment:
 
 
 def align(
-    template: CellTemplate,
+    template: AnyTemplate,
     image: Image,
     start: Transform,
     background_share: Floats,
@@ -87,8 +87,8 @@ def align(
 
     Parameters
     ----------
-    template : CellTemplate
-        The template of the previous frame.
+    template : CellTemplate or CompiledTemplate
+        The template of the previous frame. The compiled one is aligned by the compiled kernel.
     image : (H, W) uint8
         The current frame, at the scale of the template.
     start : (3, 3) float64
@@ -97,6 +97,8 @@ def align(
         Share 0..1 of each cell that is background; it scales the weight of the cell.
     settings : AlignmentSettings
     """
+    if isinstance(template, CompiledTemplate):
+        return Alignment(*template.kernel.align(template, image, start, background_share, settings))
     grid, texture = template.grid, template.texture
     image_f32 = image.astype(np.float32)  # warps faster than uint8, without rounding
     weight = background_share * (texture + settings.noise**2) ** -settings.evenness
@@ -105,7 +107,7 @@ def align(
     for _ in range(settings.max_iterations):
         residual = grid.warped(image_f32, cur_from_prev)
         residual -= template.values
-        error = grid.variance(residual)
+        error = grid.mean(np.square(grid.center(residual)))
         steps = _steps(template, residual, weight * agreement(error, tolerated))
         cur_from_prev = normalized(cur_from_prev.dot(small_transform(-steps)), grid.model)
         if cv2.norm(steps, cv2.NORM_L1) < settings.min_step:

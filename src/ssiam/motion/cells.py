@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
+from ssiam.motion import kernel
+from ssiam.motion.kernel import GridKernel, GridLayout, TemplateKernel
 from ssiam.motion.models import ModelName, velocities
 
 Floats: TypeAlias = NDArray[np.floating[Any]]  # float32
@@ -86,6 +88,20 @@ class Grid:
         fx, fy = flow.swapaxes(0, 1)
         products = [_outer(fx, fx), _outer(fx, fy) + _outer(fy, fx), _outer(fy, fy)]
         self.flow_products: Floats = np.concatenate(products, axis=1).astype(np.float32)
+        layout = GridLayout(image_wh, stride, self._first, side, self.shape)
+        self.kernel: GridKernel | None = None
+        if kernel.is_used() and layout.fits:
+            self.kernel = GridKernel(
+                layout, pixel_from_unit, np.asarray(self._unit_from_sample, np.float64), self.flow
+            )
+
+    def template(self, image: Image, reuse: AnyTemplate | None = None) -> AnyTemplate:
+        """The template of an image (H, W) uint8; `reuse` is one that is not needed any more."""
+        if self.kernel is None:
+            return CellTemplate(image, self)
+        template = reuse if isinstance(reuse, CompiledTemplate) else CompiledTemplate(self.kernel)
+        template.fill(image)
+        return template
 
     def samples(self, images: Sequence[NDArray[Any]]) -> Floats:
         """Samples (images, samples, cells) of several images."""
@@ -131,11 +147,10 @@ class Grid:
         mean: Floats = np.matmul(self._mean_weights, samples)  # three times as fast as np.mean
         return mean
 
-    def variance(self, samples: Floats) -> Floats:
-        """Variance (cells,) of samples (samples, cells) within each cell."""
-        mean = self._mean_weights.dot(samples)
-        variance: Floats = self._mean_weights.dot(samples * samples) - mean * mean
-        return np.maximum(variance, 0, out=variance)
+    def center(self, samples: Floats) -> Floats:
+        """Subtract the mean of each cell from samples (..., samples, cells), in place."""
+        samples -= self.mean(samples)[..., None, :]
+        return samples
 
     def _covered(self, axis: int, low: float, high: float) -> Floats:
         """Share of each column (axis 0) or row (1) of cells between two coordinates, units."""
@@ -178,7 +193,7 @@ class CellTemplate:
     def __init__(self, image: Image, grid: Grid) -> None:
         self.grid = grid
         samples = grid.samples([*cv2.spatialGradient(image), image])
-        samples -= grid.mean(samples)[:, None]
+        grid.center(samples)
         self.gradients, self.values = samples[:2], samples[2]
         xx, yy, squares = np.einsum("kij,kij->kj", samples, samples)
         xy = np.einsum("ij,ij->j", samples[0], samples[1])
@@ -186,9 +201,27 @@ class CellTemplate:
         self.texture: Floats = squares * (1 / samples.shape[1])
         self.textured = self.texture > _MIN_TEXTURE
 
-    def change_to(self, later: CellTemplate) -> Floats:
+    def change_to(self, later: Any) -> Floats:
         """Mean squared change (cells,) to the same cells of a later image, gray levels squared."""
         return self.grid.mean(np.square(later.values - self.values))
+
+
+class CompiledTemplate(TemplateKernel):
+    """A `CellTemplate` that the compiled kernel has made.
+
+    Attributes
+    ----------
+    texture, textured
+        As in `CellTemplate`.
+    """
+
+    def fill(self, image: Image) -> None:
+        """Compute the template of an image (H, W) uint8."""
+        super().fill(image)
+        self.textured = self.texture > _MIN_TEXTURE
+
+
+AnyTemplate: TypeAlias = CellTemplate | CompiledTemplate
 
 
 def _outer(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

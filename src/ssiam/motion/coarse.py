@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import IDENTITY, Image, Transform
+from ssiam.motion import kernel
 from ssiam.motion.alignment import AlignmentSettings, agreement, align
-from ssiam.motion.cells import CellTemplate, Floats, Grid
+from ssiam.motion.cells import AnyTemplate, Floats, Grid
 from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
 # Without an excluded box, all cells get equal weight and a tolerance that shrinks.
@@ -44,14 +45,10 @@ class CoarseEstimator:
             builder.coarse_wh, builder.coarse_from_unit, stride=1, side=5, model="rigid"
         )
 
-    def template(self, image: Image) -> CellTemplate:
-        """The cell template of a coarse image."""
-        return CellTemplate(image, self.grid)
-
     def estimate(
         self,
-        prev: tuple[Pyramid, CellTemplate],
-        cur: tuple[Pyramid, CellTemplate],
+        prev: tuple[Pyramid, AnyTemplate],
+        cur: tuple[Pyramid, AnyTemplate],
         boxes: NDArray[np.float64],
         not_overlay: Floats,
         scene: Floats | None = None,
@@ -64,7 +61,7 @@ class CoarseEstimator:
 
         Parameters
         ----------
-        prev, cur : (Pyramid, CellTemplate)
+        prev, cur : (Pyramid, template)
             Pyramid and coarse template of the previous and the current frame.
         boxes : (N, 4) float64
             Excluded boxes: low x, low y, high x, high y in units.
@@ -123,16 +120,22 @@ def _block_shift(prev: Image, cur: Image, background: Floats) -> tuple[float, fl
     """
     height, width = prev.shape
     reach = round(_REACH * max(height, width))
-    padded = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
     columns, rows = (
         (_LONG_BLOCKS, _SHORT_BLOCKS) if width >= height else (_SHORT_BLOCKS, _LONG_BLOCKS)
     )
-    share = cv2.resize(background, (columns, rows), interpolation=cv2.INTER_AREA)
+    share: Floats = np.asarray(
+        cv2.resize(background, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32
+    )
     if not share.any():
         return 0.0, 0.0
+    min_share = _MIN_BACKGROUND * float(share.max())
+    if kernel.is_used():
+        dx, dy = kernel.block_shift(prev, cur, reach, share, min_share)
+        return float(dx), float(dy)
+    padded = cv2.copyMakeBorder(cur, reach, reach, reach, reach, cv2.BORDER_REFLECT_101)
     block_h, block_w = height // rows, width // columns
     correlations = []
-    for row, column in np.argwhere(share >= _MIN_BACKGROUND * share.max()).tolist():
+    for row, column in np.argwhere(share >= min_share).tolist():
         top, left = row * block_h, column * block_w
         block = prev[top : top + block_h, left : left + block_w]
         region = padded[top : top + block_h + 2 * reach, left : left + block_w + 2 * reach]

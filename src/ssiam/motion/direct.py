@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
+from ssiam.motion import kernel
 from ssiam.motion.alignment import Alignment, AlignmentSettings, align
-from ssiam.motion.cells import CellTemplate, Floats, Grid
+from ssiam.motion.cells import AnyTemplate, Floats, Grid
 from ssiam.motion.coarse import CoarseEstimator
 from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
 from ssiam.motion.models import ModelName, map_columns
@@ -25,7 +26,7 @@ from ssiam.motion.pyramid import Pyramid, PyramidBuilder
 
 # Without an excluded box, all cells get equal weight and a tighter tolerance.
 _WITH_EXCLUSION: Final = AlignmentSettings(
-    noise=2.0, tolerance=0.3, evenness=0.3, max_iterations=4, min_step=5e-4
+    noise=2.0, tolerance=0.3, evenness=0.3, max_iterations=4, min_step=5e-5
 )
 _WITHOUT_EXCLUSION: Final = replace(_WITH_EXCLUSION, evenness=1.0, tolerance=0.1)
 
@@ -57,8 +58,8 @@ class _FrameData:
     """The data of a frame that is needed to align it with the next one."""
 
     pyramid: Pyramid
-    coarse: CellTemplate
-    fine: CellTemplate
+    coarse: AnyTemplate
+    fine: AnyTemplate
     # (cells,) of `fine` and `coarse`: 0 for cells on a flat area outside the scene, else 1
     scene: Floats | None = None
     coarse_scene: Floats | None = None
@@ -75,6 +76,7 @@ class DirectMotion:
     """
 
     def __init__(self, size_wh: tuple[int, int], model: ModelName) -> None:
+        kernel.report_absence()
         self._size_wh = size_wh
         self._builder = builder = PyramidBuilder(size_wh)
         self._coarse = CoarseEstimator(builder)
@@ -82,11 +84,12 @@ class DirectMotion:
         self._overlays = OverlayDetector(self._grid)
         self._too_small = self._coarse.grid.cells == 0
         self._prev: _FrameData | None = None
+        self._spare: _FrameData | None = None  # its arrays are used for the next frame
 
     def set_previous(self, frame: Image) -> None:
         """Use a frame (H, W, 3) uint8 as the previous one."""
         if not self._too_small:
-            self._prev = self._frame_data(frame)
+            self._prev, self._spare = self._frame_data(frame), self._prev
 
     def estimate(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
         """The motion from the previous frame to this one, without the pixels in `boxes`.
@@ -101,8 +104,9 @@ class DirectMotion:
             self._prev = cur
             return Motion.none(self._size_wh, reliable=True)
         if is_blank(cur.pyramid.coarse):
+            self._spare = cur
             return Motion.none(self._size_wh)
-        self._prev = cur
+        self._prev, self._spare = cur, prev
         unit_boxes = self._builder.in_units(boxes)
         not_overlay = self._overlays.background
         start = self._coarse.estimate(
@@ -124,15 +128,20 @@ class DirectMotion:
 
     def _frame_data(self, frame: Image) -> _FrameData:
         """Pyramid and templates of a frame (H, W, 3), with flat areas outside the scene filled."""
-        pyramid = self._builder.from_frame(frame)
-        fine = CellTemplate(pyramid.fine, self._grid)
+        spare = self._spare
+        spare_levels, spare_fine, spare_coarse = (
+            (None, None, None) if spare is None else (spare.pyramid, spare.fine, spare.coarse)
+        )
+        pyramid = self._builder.from_frame(frame, spare_levels)
+        fine = self._grid.template(pyramid.fine, spare_fine)
+        coarse_grid = self._coarse.grid
         outside = flat_outside(pyramid.fine)
         if outside is None:
-            return _FrameData(pyramid, self._coarse.template(pyramid.coarse), fine)
+            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, spare_coarse), fine)
         inside = without_rim(outside)
         scene = self._grid.mask_share(inside) >= 1 - _MAX_RIM
         if (scene & fine.textured).sum() < _MIN_SCENE * fine.textured.sum():
-            return _FrameData(pyramid, self._coarse.template(pyramid.coarse), fine)
+            return _FrameData(pyramid, coarse_grid.template(pyramid.coarse, spare_coarse), fine)
         filled = pyramid.fine.copy()
         filled[outside > 0] = round(cv2.mean(filled, inside)[0])
         pyramid = self._builder.from_fine(filled)
@@ -140,17 +149,17 @@ class DirectMotion:
             cv2.resize(inside, self._builder.coarse_wh, interpolation=cv2.INTER_AREA),
             dtype=np.uint8,
         )
-        coarse_scene = self._coarse.grid.mask_share(coarse_inside) >= 1 - _MAX_RIM
+        coarse_scene = coarse_grid.mask_share(coarse_inside) >= 1 - _MAX_RIM
         return _FrameData(
             pyramid,
-            self._coarse.template(pyramid.coarse),
+            coarse_grid.template(pyramid.coarse, spare_coarse),
             fine,
             scene.astype(np.float32),
             coarse_scene.astype(np.float32),
         )
 
     def _checked(
-        self, template: CellTemplate, aligned: Alignment, background_share: Floats
+        self, template: AnyTemplate, aligned: Alignment, background_share: Floats
     ) -> Motion:
         """The motion in pixels of the frame; not reliable if too little of the texture agrees."""
         weight = background_share * template.textured
@@ -183,13 +192,13 @@ class OverlayDetector:
         self.background: Floats = np.ones(grid.cells, dtype=np.float32)
 
     def update(
-        self, prev: CellTemplate, cur: CellTemplate, cur_from_prev: Transform, error: Floats
+        self, prev: AnyTemplate, cur: AnyTemplate, cur_from_prev: Transform, error: Floats
     ) -> None:
         """Compare how well the camera motion and no motion explain each cell.
 
         Parameters
         ----------
-        prev, cur : CellTemplate
+        prev, cur : template
             The previous and the current frame.
         cur_from_prev : (3, 3) float64
             Units.

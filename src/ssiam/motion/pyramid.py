@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.geometry import Image, Transform
+from ssiam.motion import kernel
+from ssiam.motion.kernel import ReductionKernel
 
 _LONGER_SIDE: Final = 320  # px of the finest level: accurate, and too coarse for small waves
-_LARGE: Final = 4  # times that size, from which frames are resized before conversion to gray
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,11 @@ class Pyramid:
     fine: Image
     coarse: Image
     tiny: Image
+
+    @property
+    def levels(self) -> tuple[Image, Image, Image]:
+        """All three, the finest first."""
+        return self.fine, self.coarse, self.tiny
 
 
 class PyramidBuilder:
@@ -52,7 +58,6 @@ class PyramidBuilder:
         scale = _LONGER_SIDE / longer
         self.fine_wh = max(round(width * scale), 1), max(round(height * scale), 1)
         self.coarse_wh = (self.fine_wh[0] + 3) // 4, (self.fine_wh[1] + 3) // 4
-        self._is_large = longer >= _LARGE * _LONGER_SIDE
         half = longer / 2
         self.frame_from_unit: Transform = np.array(
             [[half, 0, (width - 1) / 2], [0, half, (height - 1) / 2], [0, 0, 1]]
@@ -66,23 +71,35 @@ class PyramidBuilder:
         self.unit_from_frame: Transform = np.linalg.inv(self.frame_from_unit).astype(np.float64)
         self.coarse_from_unit = np.diag([1 / 4, 1 / 4, 1]) @ self.fine_from_unit
         self.tiny_per_unit = np.diag(self.fine_from_unit)[:2] / 8
+        tiny_wh = (self.coarse_wh[0] + 1) // 2, (self.coarse_wh[1] + 1) // 2
+        self._kernel: ReductionKernel | None = None
+        if kernel.is_used():
+            level_whs = self.fine_wh, self.coarse_wh, tiny_wh
+            self._kernel = ReductionKernel(size_wh, level_whs)
 
     def in_units(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert boxes (N, 4) low xy, high xy from pixels of the frame to units."""
         scaled: NDArray[np.float64] = (boxes - self._center_twice) / self.frame_from_unit[0, 0]
         return scaled
 
-    def from_frame(self, frame: Image) -> Pyramid:
-        """The pyramid of a frame (H, W, 3) uint8 BGR."""
-        if self._is_large:
-            gray = cv2.cvtColor(cv2.resize(frame, self.fine_wh), cv2.COLOR_BGR2GRAY)
-        else:
-            gray = cv2.resize(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), self.fine_wh)
+    def from_frame(self, frame: Image, reuse: Pyramid | None = None) -> Pyramid:
+        """The pyramid of a frame (H, W, 3) uint8 BGR.
+
+        `reuse` is a pyramid that is not needed any more: its arrays may be overwritten.
+        """
+        if self._kernel is not None:
+            pyramid = reuse or Pyramid(*self._kernel.new_levels())
+            self._kernel.reduce(frame, pyramid.levels)
+            return pyramid
+        gray = cv2.cvtColor(cv2.resize(frame, self.fine_wh), cv2.COLOR_BGR2GRAY)
         return self.from_fine(np.asarray(cv2.GaussianBlur(gray, (3, 3), 0), dtype=np.uint8))
 
-    @staticmethod
-    def from_fine(fine: Image) -> Pyramid:
+    def from_fine(self, fine: Image) -> Pyramid:
         """The pyramid above a finest level (H, W) uint8."""
+        if self._kernel is not None:
+            pyramid = Pyramid(fine, *self._kernel.new_levels()[1:])
+            self._kernel.reduce_fine(pyramid.levels)
+            return pyramid
         coarse = cv2.pyrDown(cv2.pyrDown(fine))
         tiny = cv2.pyrDown(coarse)
         return Pyramid(fine, *(np.asarray(level, dtype=np.uint8) for level in (coarse, tiny)))
