@@ -1,13 +1,17 @@
 """A real clip from a shaking camera, and boxes of small things that stand still in its scene."""
 
+import importlib
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from ssiam.geometry import frame_center, map_points, rigid
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
 COUNT = 40  # frames
 SIDE = 24  # px of a box; half of the motions between two frames are larger than 18 px
 CENTERS = np.array([(x, y) for x in (150, 270, 390, 510) for y in (90, 180, 270)], np.float64)
@@ -38,6 +42,12 @@ def switches(identities):
     return count
 
 
+def roboflow_trackers():
+    """The package `trackers`, which tests/trackers is not; skips the test without it."""
+    pytest.importorskip("trackers.core.base", exc_type=ImportError)
+    return importlib.import_module("trackers")
+
+
 def assert_kept(identities):
     """Every thing has one identity, and has it in the last frames."""
     assert switches(identities) == 0
@@ -62,3 +72,15 @@ def hostile(frame):
     """Frames that a camera may give after `frame`: black, noise, smaller, gray, and again."""
     noise = np.random.default_rng(0).integers(0, 256, frame.shape, np.uint8)
     return [np.zeros_like(frame), noise, frame, noise[:180, :320], frame]
+
+
+def run_example(name):
+    """Run the example of an adapter in the documentation, on a part of the example clip."""
+    page = (ROOT / "docs" / "how-to" / "other-trackers.md").read_text(encoding="utf-8")
+    detector, *examples = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (example,) = [code for code in examples if f"ssiam.integrations.{name} " in code]
+    scope = {}
+    exec(detector, scope)
+    scope["frames"] = lambda: frames()[:5]
+    exec(example, scope)
+    return scope

@@ -44,3 +44,8 @@ def test_rotated_boxes():
     for frame in host_scene.frames()[:5]:
         found = np.array([[320, 180, 60, 20, 0.5, 0.9, 0]], np.float32)
         assert np.isfinite(np.asarray(tracker.update(found, frame))).all()
+
+
+def test_the_example_of_the_documentation_runs():
+    scope = host_scene.run_example("boxmot")
+    assert np.isfinite(scope["tracks"]).all()

@@ -54,3 +54,8 @@ def test_hostile_frames_do_not_end_the_loop():
         found = [norfair.Detection(np.array([[10.0, 10], [40, 40]]))]
         for target in tracker.update(found, coord_transformations=moved):
             assert np.isfinite(target.estimate).all()
+
+
+def test_the_example_of_the_documentation_runs():
+    scope = host_scene.run_example("norfair")
+    assert np.isfinite(scope["moved"].abs_to_rel([[1, 2]])).all()

@@ -27,8 +27,7 @@ def identities(update):
 
 @pytest.mark.parametrize("kind", ["ByteTrackTracker", "SORTTracker", "OCSORTTracker"])
 def test_trackers_without_camera_motion_keep_identities(kind):
-    trackers = pytest.importorskip("trackers", exc_type=ImportError)
-    make = getattr(trackers, kind)
+    make = getattr(host_scene.roboflow_trackers(), kind)
     host_scene.assert_kept(list(identities(SceneTracker(make().update).update)))
     alone = make()
     host_scene.assert_not_kept(list(identities(lambda frame, found: alone.update(found))))
@@ -66,3 +65,9 @@ def test_hostile_frames_do_not_end_the_loop():
         for boxes in ([(10, 10, 40, 40)], []):
             assert np.isfinite(tracker.update(frame, detections(boxes)).xyxy).all()
         assert np.isfinite(estimator.update(frame).rel_to_abs([[1, 2]])).all()
+
+
+def test_the_example_of_the_documentation_runs():
+    host_scene.roboflow_trackers()
+    scope = host_scene.run_example("supervision")
+    assert np.isfinite(scope["tracked"].xyxy).all()

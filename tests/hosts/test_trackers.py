@@ -6,7 +6,7 @@ import pytest
 from helpers import host_scene
 from ssiam.integrations.roboflow_trackers import CMC, MotionEstimator
 
-trackers = pytest.importorskip("trackers", exc_type=ImportError)
+trackers = host_scene.roboflow_trackers()
 sv = pytest.importorskip("supervision", exc_type=ImportError)
 
 
@@ -56,3 +56,8 @@ def test_hostile_frames_do_not_end_the_loop():
         for boxes in ([(10, 10, 40, 40)], []):
             assert np.isfinite(tracker.update(detections(boxes), frame).xyxy).all()
         assert np.isfinite(estimator.update(frame).rel_to_abs([[1, 2]])).all()
+
+
+def test_the_example_of_the_documentation_runs():
+    scope = host_scene.run_example("roboflow_trackers")
+    assert np.isfinite(scope["moved"].abs_to_rel([[1, 2]])).all()

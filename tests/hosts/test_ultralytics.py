@@ -62,3 +62,8 @@ def test_hostile_frames_do_not_end_the_loop(kind):
         tracks = tracker.update(detections([(10, 10, 40, 40)], frame), frame)
         assert np.isfinite(np.asarray(tracks, np.float64)).all()
         tracker.update(detections([], frame), frame)
+
+
+def test_the_example_of_the_documentation_runs():
+    scope = host_scene.run_example("ultralytics")
+    assert np.isfinite(scope["tracks"]).all()

@@ -77,7 +77,7 @@ class HostMotion(DeepCopied):
         size_wh = check_frame(image)
         if self._size_wh not in (None, size_wh):
             self.reset()
-        motion = self._camera.update(image, self._boxes)
+        motion = self._camera.update(image, self._boxes.tolist())
         self._size_wh, self._boxes = size_wh, found
         return motion
 
@@ -117,7 +117,8 @@ class SceneTransformation:
 
     def rel_to_abs(self, points: ArrayLike) -> Points:
         """Map points (..., 2) of the frame into the scene."""
-        return map_points(np.linalg.inv(self.homography_matrix), points)
+        scene_from_cur = np.asarray(np.linalg.inv(self.homography_matrix), np.float64)
+        return map_points(scene_from_cur, points)
 
 
 class SceneMotion(DeepCopied):
@@ -159,8 +160,8 @@ class SceneMotion(DeepCopied):
 
 def finite_xywh(boxes: Any) -> NDArray[np.float64]:
     """x, y, w, h (N, 4) of the rows left, top, right, bottom that are finite and have an area."""
-    rows = [np.asarray(row, np.float64)[:_XYXY] for row in (() if boxes is None else boxes)]
-    xyxy = np.reshape(rows, (-1, _XYXY))
+    rows = [row[:_XYXY] for row in (() if boxes is None else boxes)]
+    xyxy = np.array(rows, np.float64).reshape(-1, _XYXY)
     with np.errstate(invalid="ignore", over="ignore"):
         xywh = np.column_stack([xyxy[:, :2], xyxy[:, 2:] - xyxy[:, :2]])
     return xywh[np.isfinite(xywh).all(axis=1) & (xywh[:, 2:] > 0).all(axis=1)]

@@ -47,9 +47,8 @@ class SceneTracker:
         detections = detections[np.isfinite(detections.xyxy).all(axis=1)]
         moved: SceneTransformation = self._scene.update(frame, detections.xyxy)
         cur_from_scene = moved.homography_matrix
-        return _mapped(
-            cur_from_scene, self._update(_mapped(np.linalg.inv(cur_from_scene), detections))
-        )
+        scene_from_cur = np.asarray(np.linalg.inv(cur_from_scene), np.float64)
+        return _mapped(cur_from_scene, self._update(_mapped(scene_from_cur, detections)))
 
 
 def _mapped(to_from_from: Transform, detections: Any) -> Any:
