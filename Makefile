@@ -6,7 +6,7 @@ READY := .venv/.ready
 PLAIN_READY := .venv-demo/.ready
 AUDIT_READY := .venv-audit/.ready
 
-.PHONY: install install-plain demo test lint docs audit fuzz mutation toolkit clean
+.PHONY: install install-plain demo test lint docs audit fuzz hosts mutation toolkit clean
 
 install: $(READY)
 
@@ -51,6 +51,10 @@ audit: $(READY) $(AUDIT_READY)
 MINUTES ?= 10
 fuzz: $(READY)
 	OMP_WAIT_POLICY=PASSIVE $(BIN)/python scripts/fuzz.py $(MINUTES)
+
+# The adapters of ssiam.integrations in the real packages, each in an environment of its own.
+hosts: $(READY)
+	$(BIN)/python scripts/hosts.py $(HOSTS)
 
 mutation: $(READY)
 	$(BIN)/python scripts/mutation_sample.py

@@ -30,8 +30,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.common.environments import EstimatorFailed
 from benchmarks.motion.clips import UNSHAKEN, Clip, drawn_clips, real_clips
-from benchmarks.motion.peers import PEERS, EstimatorFailed, Run, Worker
+from benchmarks.motion.peers import PEERS, Run, Worker
 from benchmarks.motion.plot import draw
 from benchmarks.motion.report import Score, tables
 

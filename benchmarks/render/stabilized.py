@@ -37,8 +37,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import ssiam
 from benchmarks.common.data import EXAMPLES, VIDEOS, sequences
+from benchmarks.common.environments import EstimatorFailed, environment
 from benchmarks.common.tables import head, line
-from benchmarks.motion.peers import EstimatorFailed, environment
+from benchmarks.motion.peers import REQUIREMENTS
 from ssiam.datasets.shake import Shake, shaken
 from ssiam.geometry import XYWH, Image, corners_from_xywh, map_points
 from ssiam.motion import CameraMotion, Motion
@@ -182,7 +183,7 @@ def vidstab(clip: Clip, environments: Path, folder: Path) -> Moved:
     """The clip after vidstab's live stabilizer, whose border is black."""
     given, found = folder / "frames.npy", folder / "vidstab.npy"
     np.save(given, clip.frames)
-    python = environment("vidstab", environments)
+    python = environment("vidstab", REQUIREMENTS["vidstab"], environments)
     subprocess.run([python, _WORKER, given, found, str(_WINDOW)], check=True)
     images: Images = np.load(found)
     return Moved(images, _needed(np.asarray((images < _BORDER).all(axis=3), np.bool_)))

@@ -105,6 +105,33 @@ def test_how_far_a_camera_can_move(dx, dy, angle, plausible):
         assert motion.is_plausible is plausible
 
 
+WIDTH = SIZE[0]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "plausible"),
+    [
+        (np.diag([1.99, 1.99, 1]), True),
+        (np.diag([2.01, 2.01, 1]), False),
+        (np.diag([0.51, 0.51, 1]), True),
+        (np.diag([0.49, 0.49, 1]), False),
+        (np.array([[1, 0.6, 0], [0, 1, 0], [0, 0, 1]]), True),
+        (np.array([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), False),  # stretched in one direction
+        (np.diag([-1.0, 1, 1]), False),  # mirrored
+        (np.diag([-1.0, -1, -1]), True),  # the identity
+        (np.array([[1, 0, 0], [0, 1, 0], [0.3 / WIDTH, 0, 1]]), True),
+        (np.array([[1, 0, 0], [0, 1, 0], [-0.3 / WIDTH, 0, 1]]), False),  # 2.04 times at the right
+        (np.array([[1, 0, 0], [0, 1, 0], [-1.5 / WIDTH, 0, 1]]), False),  # the horizon
+        (np.full((3, 3), np.nan), False),
+    ],
+)
+def test_how_much_a_camera_can_zoom_and_tilt(matrix, plausible):
+    x, y = ((side - 1) / 2 for side in SIZE)
+    if not matrix[2, :2].any():
+        matrix = rigid(x, y, 0) @ matrix @ rigid(-x, -y, 0)  # around the center of the frame
+    assert Motion(matrix, 1.0, True, SIZE).is_plausible is plausible
+
+
 @pytest.mark.parametrize("focal", [-1, 0, np.inf, np.nan, "500", None])
 def test_a_focal_length_is_a_positive_number(focal):
     with pytest.raises(ValueError, match=r"focal_length is .*: give pixels"):

@@ -25,6 +25,7 @@ from ssiam.geometry import (
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; larger is a scene cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames
+_MAX_STRETCH: Final = 2.0  # of lengths in any direction, between two frames; and at most halved
 _MAX_ENTRY: Final = 1e12  # of a transform's matrix; products of four are finite
 _MAX_DISTANCE: Final = 1000.0  # of a mapped corner from the origin, in longer sides of the frame
 _MIN_DETERMINANT: Final = 1e-9  # of an invertible transform
@@ -175,15 +176,40 @@ class Motion:
 
     @property
     def is_plausible(self) -> bool:
-        """Whether a camera can move this far between two frames."""
+        """Whether a camera can move this far between two frames.
+
+        A shift of the center by up to 30 % of the longer side, a roll of up to 20 degrees, and at
+        the center and the corners of the frame a zoom or tilt that at most doubles or halves
+        lengths. False for a matrix that is not finite.
+        """
         dx, dy, angle = self.shift_angle
         is_near = math.hypot(dx, dy) <= _MAX_SHIFT * max(self.size_wh)
-        return is_near and abs(angle) <= _MAX_ANGLE
+        return is_near and abs(angle) <= _MAX_ANGLE and _stretches_little(self)
 
     def __repr__(self) -> str:
         dx, dy, angle = self.shift_angle
         unreliable = "" if self.reliable else ", reliable=False"
         return f"Motion(dx={dx:.1f}, dy={dy:.1f}, angle={angle:.4f}{unreliable})"
+
+
+def _stretches_little(motion: Motion) -> bool:
+    (a, b, c), (d, e, f), (g, h, i) = motion.cur_from_prev.tolist()
+    width, height = motion.size_wh
+    corners = [(0, 0), (width, 0), (0, height), (width, height)] if g or h else []
+    for x, y in (frame_center(motion.size_wh), *corners):
+        weight = g * x + h * y + i
+        if weight * i <= 0:  # the horizon is in the frame
+            return False
+        u, v = (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
+        # Derivative of u, v with respect to x, y, and its singular values; the smaller one is
+        # negative for a mirrored frame.
+        ux, uy = (a - u * g) / weight, (b - u * h) / weight
+        vx, vy = (d - v * g) / weight, (e - v * h) / weight
+        turned, mirrored = math.hypot(ux + vy, vx - uy), math.hypot(ux - vy, vx + uy)
+        largest, smallest = (turned + mirrored) / 2, (turned - mirrored) / 2
+        if not (largest <= _MAX_STRETCH and smallest * _MAX_STRETCH >= 1):
+            return False
+    return True
 
 
 def _keeps_frame(to_from_from: Transform, size_wh: tuple[int, int]) -> bool:
