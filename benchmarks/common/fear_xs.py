@@ -97,7 +97,7 @@ class FearXs:
         crop = _resampled(view, _expanded(xywh, TEMPLATE_MARGIN), TEMPLATE)
         (self._features,) = self._template(_tensor(crop))
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """Track the target into the next view."""
         x, y, w, h = window = _expanded(self._box, SEARCH_MARGIN)
         crop = _resampled(view, window, SEARCH)
@@ -116,7 +116,7 @@ class FearXs:
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """Search the target in this view around `xywh`."""
         self._box = _whole_pixels(xywh, view.size_wh)
-        return self.track(view)
+        return self.update(view)
 
     def clone(self) -> FearXs:
         """A new tracker with the same networks, without a target."""

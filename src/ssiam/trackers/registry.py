@@ -19,8 +19,9 @@ from ssiam.runtime import (
 from ssiam.runtime.model_zoo import how_to_get_weights
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers import siammask, siamrpn
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.lite import SHIPPED, LiteName, LiteNetworks, LiteTracker
+from ssiam.trackers.named_classes import entry_point_names, is_class_path, load_named
 from ssiam.trackers.nanotrack import (
     CONFIDENCE,
     PARAMETERS,
@@ -40,6 +41,8 @@ TrackerName: TypeAlias = Literal[LiteName, OpenCvName, NanoTrackName, SiameseNam
 TRACKERS: tuple[TrackerName, ...] = get_args(TrackerName)
 DEFAULT_TRACKER: TrackerName = "lite"
 
+_CLASS_FORM: Final = "package.module:Class"
+
 _ANCHOR_PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
     name: parameters
     for name, parameters in (*siamrpn.PARAMETERS.items(), *siammask.PARAMETERS.items())
@@ -47,7 +50,7 @@ _ANCHOR_PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
 
 
 def load_tracker(
-    name: TrackerName | None = None,
+    name: TrackerName | str | None = None,
     *,
     weights: str | os.PathLike[str] | None = None,
     stabilize: Method | StabilizerConfig = "predict",
@@ -63,11 +66,13 @@ def load_tracker(
     Parameters
     ----------
     name : str, optional
-        One of `TRACKERS`. The default tracker needs no weights.
+        One of `TRACKERS`; or ``package.module:Class``, or an entry point of the group
+        ``ssiam.trackers``, which runs code of that package. The default tracker needs no weights.
     weights : path, optional
         File or folder of the networks, for trackers that have any: the authors' .pth file, or
         .onnx files. By default those in this package (lite), or those that
-        `ssiam weights import` has stored.
+        `ssiam weights import` has stored. A class of another package gets it as `weights`, and
+        `threads`, if its signature has these parameters.
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" runs the tracker alone.
     runtime : {"openvino", "onnxruntime", "torch"}
@@ -109,22 +114,58 @@ def load_tracker(
     >>> tracker.init(frame, (291, 124, 80, 60))
     >>> tracker.update(next_frame).box
     """
-    name = name or DEFAULT_TRACKER
-    check_choice("tracker", name, TRACKERS)
+    name = check_tracker_name(name or DEFAULT_TRACKER)
     options = RuntimeOptions(runtime, threads, precision, device)
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
     if distractors is None:
         distractors = recognizes_distractors(name)
-    tracker = _view_tracker(name, path, options, distractors)
+    if is_named_class(name):
+        tracker = _named_tracker(name, path, options, distractors)
+    else:
+        known = check_choice("tracker", name, TRACKERS)
+        tracker = _view_tracker(known, path, options, distractors)
     if template_memory and not tracker.can_seek:
         raise ArgumentError(f"tracker {name} cannot search around a given box: it has no memory")
     return StabilizedTracker(TemplateMemoryTracker(tracker) if template_memory else tracker, config)
 
 
+def check_tracker_name(name: str) -> str:
+    """The name, if `load_tracker` knows it; nothing is imported.
+
+    Only for names from the command line or from code: a tracker of another package runs code.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither one of `TRACKERS`, nor has the form ``package.module:Class``, nor is the name
+        of an entry point.
+    """
+    if name in TRACKERS or is_class_path(name):
+        return name
+    return check_choice("tracker", name, (*TRACKERS, *entry_point_names(), _CLASS_FORM))
+
+
+def is_named_class(name: str) -> bool:
+    """Whether a checked name is that of another package's class."""
+    return name not in TRACKERS
+
+
+def _named_tracker(
+    name: str, weights: Path | None, options: RuntimeOptions, distractors: bool
+) -> CompleteTracker:
+    if options.precision != "f32" or options.resolved_device != "cpu":
+        raise ArgumentError(
+            f"tracker {name} runs its network by itself: leave precision and device out"
+        )
+    if distractors:
+        raise ArgumentError(f"tracker {name} has no known score map: leave distractors out")
+    return load_named(name, weights, options.threads)
+
+
 def _view_tracker(
     name: TrackerName, weights: Path | None, options: RuntimeOptions, distractors: bool
-) -> ViewTracker:
+) -> CompleteTracker:
     if name == "csrt" or name == "kcf" or name == "mil":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
@@ -192,16 +233,18 @@ def recognizes_distractors(name: str) -> bool:
 
 
 def has_networks(name: str) -> bool:
-    """Whether a tracker runs networks; OpenCV's trackers do not."""
-    return name not in get_args(OpenCvName)
+    """Whether this package runs networks for a tracker; not for OpenCV's and others'."""
+    return name not in get_args(OpenCvName) and not is_named_class(name)
 
 
 def weights_path(name: str, weights: Path | None = None) -> Path | None:
     """The file or folder of weights that `load_tracker` reads; None without any, or if missing."""
-    if not has_networks(name):
+    if name in get_args(OpenCvName):
         return None
-    if weights is None:
-        weights = SHIPPED if name == "lite" else imported_weights(MODEL_ZOO[name])
+    if weights is None and name == "lite":
+        weights = SHIPPED
+    elif weights is None and name in MODEL_ZOO:
+        weights = imported_weights(MODEL_ZOO[name])
     return weights if weights is not None and weights.exists() else None
 
 
