@@ -137,7 +137,10 @@ class FrameView:
         return bool(np.array_equal(self.stab_from_raw, IDENTITY))
 
     def crop(
-        self, xywh: Sequence[float], out_wh: tuple[int, int], fill: Sequence[float] | None = None
+        self,
+        xywh: Sequence[float],
+        out_wh: tuple[int, int],
+        fill: Sequence[float] | Color | None = None,
     ) -> Crop:
         """Crop a rectangle of the stabilized frame, stretched to `out_wh`, in one warp.
 
