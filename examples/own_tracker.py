@@ -3,34 +3,30 @@
 import sys
 
 import cv2
-import numpy as np
 
 import ssiam
 from ssiam.video import open_source
 
 
 class TemplateTracker:
-    """Template matching; `ssiam.trackers.base.ViewTracker` describes the methods."""
+    """Template matching; docs/how-to/extend.md describes what a tracker has."""
 
-    can_seek, reseek_below, center_inset = True, 0.5, 0.0
+    reseek_below = 0.5
 
     def init(self, view: ssiam.FrameView, xywh: ssiam.geometry.XYWH) -> None:
         self.xywh, self.size_wh = xywh, (round(xywh[2]), round(xywh[3]))
-        self.template = view.crop_rectangle(xywh, self.size_wh, np.zeros(3))
+        self.template = view.crop(xywh, self.size_wh).image
 
     def seek(self, view: ssiam.FrameView, xywh: ssiam.geometry.XYWH) -> ssiam.Track:
         (x, y, _, _), (w, h) = xywh, self.size_wh
-        region = view.crop_rectangle((x - w, y - h, 3 * w, 3 * h), (3 * w, 3 * h), np.zeros(3))
-        scores = cv2.matchTemplate(region, self.template, cv2.TM_CCOEFF_NORMED)
+        region = view.crop((x - w, y - h, 3 * w, 3 * h), (3 * w, 3 * h))
+        scores = cv2.matchTemplate(region.image, self.template, cv2.TM_CCOEFF_NORMED)
         _, best, _, (right, down) = cv2.minMaxLoc(scores)
-        self.xywh = x - w + right, y - h + down, w, h
-        return ssiam.Track(self.xywh, score=max(best, 0.0))
+        self.xywh = region.box_in_view((right, down, w, h))
+        return ssiam.Track(self.xywh, score=min(max(best, 0.0), 1.0))
 
-    def track(self, view: ssiam.FrameView) -> ssiam.Track:
+    def update(self, view: ssiam.FrameView) -> ssiam.Track:
         return self.seek(view, self.xywh)
-
-    def clone(self) -> "TemplateTracker":
-        return TemplateTracker()
 
 
 tracker = ssiam.StabilizedTracker(TemplateTracker(), ssiam.StabilizerConfig("predict"))

@@ -122,7 +122,9 @@ def test_commands_are_understood(page):
                 extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
                 assert set(extra.split(",")) <= set(extras["optional-dependencies"]), text
         else:
-            assert program in {"sudo", "apt-get", "dpkg-deb", "pre-commit", "docker"}, text
+            assert program in {"sudo", "apt-get", "dpkg-deb", "pre-commit", "docker", "export"}, (
+                text
+            )
 
 
 @pytest.mark.parametrize("page", page_params([ROOT / name for name in sorted(RUNS)]))

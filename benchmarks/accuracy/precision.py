@@ -77,7 +77,7 @@ def tracked(tracker: NanoTrack, sequence: VideoSequence, count: int) -> Floats:
     frames = islice(sequence.images(), count)
     boxes = [sequence.box(0)]
     tracker.init(FrameView(next(frames)), boxes[0])
-    return np.array([*boxes, *(tracker.track(FrameView(frame)).box for frame in frames)])
+    return np.array([*boxes, *(tracker.update(FrameView(frame)).box for frame in frames)])
 
 
 def true_boxes(sequence: VideoSequence, count: int) -> Floats:

@@ -79,7 +79,7 @@ def _tracked(
     """The boxes; with off the sizes of the frames may differ, as those of cropped tracks do."""
     if stabilize == "off":
         tracker.init(FrameView(images[0]), xywh)
-        return [xywh, *(tracker.track(FrameView(image)).box for image in images[1:])]
+        return [xywh, *(tracker.update(FrameView(image)).box for image in images[1:])]
     stabilized = ssiam.StabilizedTracker(tracker, ssiam.StabilizerConfig(stabilize))
     stabilized.init(images[0], xywh)
     return [xywh, *(stabilized.update(image).box for image in images[1:])]

@@ -38,7 +38,7 @@ STRENGTH = 0.03
 
 def with_memory(tracker: StabilizedTracker, parameters: MemoryParameters) -> StabilizedTracker:
     """A clone of a tracker with a template memory."""
-    view_tracker = tracker.clone()._tracker
+    view_tracker = tracker.clone().view_tracker
     return StabilizedTracker(TemplateMemoryTracker(view_tracker, parameters), tracker.config)
 
 

@@ -1,17 +1,14 @@
-"""Loading of any tracker in the benchmarks by name: those of the package, and peers."""
+"""Loading of any tracker in the benchmarks by name, with the weights of the test data."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import ssiam
-from benchmarks.common import fear_xs
-from benchmarks.common.data import nanotrack_weights
+from benchmarks.common.data import WEIGHTS, nanotrack_weights
 from ssiam.errors import check_choice
 from ssiam.stabilize import METHODS, Method, StabilizerConfig
 from ssiam.trackers import TRACKERS, StabilizedTracker
-
-PEERS = (fear_xs.NAME,)
 
 
 def load(
@@ -27,23 +24,23 @@ def load(
     Parameters
     ----------
     name : str
-        Of `ssiam.load_tracker` or of a peer, optionally with a folder of weights:
-        "lite=runs/mine". The weights of NanoTrack and of peers are in the folder of test data.
+        Of `ssiam.load_tracker`, optionally with a folder of weights: "lite=runs/mine". The weights
+        of NanoTrack and FEAR-XS are in the folder of test data.
     stabilize : str or StabilizerConfig
     threads : int
     template_memory : bool
     distractors : bool, optional
-        As for `ssiam.load_tracker`; not for peers.
+        As for `ssiam.load_tracker`.
     """
     name, _, path = name.partition("=")
     config: Method | StabilizerConfig = (
         check_choice("stabilize", stabilize, METHODS) if isinstance(stabilize, str) else stabilize
     )
-    if name == fear_xs.NAME:
-        return fear_xs.load(config, threads)
     weights = Path(path) if path else None
     if not path and name.startswith("nanotrack"):
         weights = nanotrack_weights(name)
+    elif not path and name == "fear_xs":
+        weights = WEIGHTS / name
     return ssiam.load_tracker(
         check_choice("tracker", name, TRACKERS),
         weights=weights,

@@ -33,7 +33,7 @@ from ssiam.networks import NetworkName, SiameseNetwork, build_network
 from ssiam.runtime import MODEL_ZOO, Network, RuntimeOptions, Tensor
 from ssiam.runtime.openvino import supports_bf16
 from ssiam.stabilize import Stabilizer, StabilizerConfig
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.registry import SiameseName, load_siamese_tracker
 from ssiam.trackers.siamfc import SiamFc, SiamFcNetworks
 from ssiam.trackers.siammask import PARAMETERS as MASK_PARAMETERS
@@ -94,7 +94,7 @@ def plain_pieces(network: Any, name: str) -> dict[str, Network]:
     return pieces
 
 
-def plain_tracker(name: SiameseName, network: SiameseNetwork) -> ViewTracker:
+def plain_tracker(name: SiameseName, network: SiameseNetwork) -> CompleteTracker:
     """The tracker with the plain pieces of a network."""
     pieces = plain_pieces(network, name)
     if name == "siamfc":
@@ -106,13 +106,13 @@ def plain_tracker(name: SiameseName, network: SiameseNetwork) -> ViewTracker:
     )
 
 
-def forms(name: SiameseName, runtimes: list[str], threads: int) -> dict[str, ViewTracker]:
+def forms(name: SiameseName, runtimes: list[str], threads: int) -> dict[str, CompleteTracker]:
     """The tracker in each form, by the name of the form."""
     torch.manual_seed(0)
     torch.set_num_threads(threads)
     key: NetworkName = MODEL_ZOO[name].network  # type: ignore[assignment]
     network = build_network(key)
-    found: dict[str, ViewTracker] = {"plain": plain_tracker(name, network)}
+    found: dict[str, CompleteTracker] = {"plain": plain_tracker(name, network)}
     with TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder  # random weights are not worth keeping
         path = Path(folder) / "model.pth"
@@ -148,14 +148,14 @@ class PaperView:
 
 
 def measure(
-    trackers: dict[str, ViewTracker], count: int, stabilized: str | None = None
+    trackers: dict[str, CompleteTracker], count: int, stabilized: str | None = None
 ) -> dict[str, float]:
     """Median milliseconds per frame of each form; position and size of the box are fixed.
 
     The form `stabilized` is measured with the paper's stabilization too.
     """
     images = frames(count + WARM_UP + 1)
-    runs: dict[str, tuple[ViewTracker, Callable[[Image], FrameView]]] = {
+    runs: dict[str, tuple[CompleteTracker, Callable[[Image], FrameView]]] = {
         form: (tracker, FrameView) for form, tracker in trackers.items()
     }
     if stabilized is not None:

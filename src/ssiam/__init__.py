@@ -78,7 +78,7 @@ _MODULES = {
 }
 _SUBPACKAGES = {
     *("datasets", "errors", "exchange", "geometry", "motion", "render"),
-    *("stabilize", "track", "trackers", "video", "web"),
+    *("stabilize", "testing", "track", "trackers", "video", "web"),
 }
 
 

@@ -48,6 +48,10 @@ class TrackingError(SsiamError):
     """A tracker that failed on a frame; it may continue with the next one."""
 
 
+class ContractError(SsiamError, AssertionError):
+    """A tracker that does not do what `ssiam.testing` expects of every tracker."""
+
+
 class IncompleteError(SsiamError):
     """Work that finished with parts missing; the results are kept."""
 

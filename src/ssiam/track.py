@@ -119,7 +119,8 @@ class Track:
         Upright box, raw-frame pixels, 0-based.
     score : float
         0..1: confidence score, the probability that the IoU of the box with the target exceeds 0.5
-        (`ssiam.trackers.confidence`); SiamFC, SiamRPN and SiamMask give their own score.
+        (`ssiam.trackers.confidence`). Where `StabilizedTracker.score_is_calibrated` is False
+        (SiamFC, SiamRPN, SiamMask, most trackers of others) it is the tracker's own score.
     lost : bool
         Whether the target is lost; the box is then a guess that should not be displayed.
     corners : (4, 2) float64 or None

@@ -82,7 +82,7 @@ def test_weights_that_no_tracker_runs_are_stored_with_what_they_are_for(
     store, tmp_path, monkeypatch, capsys
 ):
     first, second = b"template" * 1000, b"search" * 2000
-    published = OTHER_WEIGHTS["fear_xs"]
+    published = OTHER_WEIGHTS["fear_xs_coreml"]
     with serve(first) as (one, _), serve(second) as (two, _):
         files = tuple(
             replace(file, address=address, size=len(content), sha256=digest(content))
@@ -90,17 +90,20 @@ def test_weights_that_no_tracker_runs_are_stored_with_what_they_are_for(
                 published.files, (one, two), (first, second), strict=True
             )
         )
-        monkeypatch.setitem(OTHER_WEIGHTS, "fear_xs", replace(published, files=files))
-        assert main(["weights", "get", "fear_xs", "--folder", "mine"]) == 0
-    assert f"stored in mine/fear_xs, license MIT; use: {published.use}" in capsys.readouterr().out
-    stored = {path.name: path.read_bytes() for path in (tmp_path / "mine/fear_xs").iterdir()}
+        monkeypatch.setitem(OTHER_WEIGHTS, "fear_xs_coreml", replace(published, files=files))
+        assert main(["weights", "get", "fear_xs_coreml", "--folder", "mine"]) == 0
+    assert (
+        f"stored in mine/fear_xs_coreml, license MIT; use: {published.use}"
+        in capsys.readouterr().out
+    )
+    stored = {path.name: path.read_bytes() for path in (tmp_path / "mine/fear_xs_coreml").iterdir()}
     assert stored == {"TrackerInit.mlmodel": first, "Tracker.mlmodel": second}
     assert main(["weights", "list", "--folder", "mine"]) == 0
-    assert "fear_xs: mine/fear_xs (Core ML)" in capsys.readouterr().out
-    assert main(["weights", "get", "fear_xs", "--folder", "mine"]) == 0
+    assert "fear_xs_coreml: mine/fear_xs_coreml (Core ML)" in capsys.readouterr().out
+    assert main(["weights", "get", "fear_xs_coreml", "--folder", "mine"]) == 0
     assert "nothing to do" in capsys.readouterr().out
-    with pytest.raises(ArgumentError, match="unknown tracker 'fear_xs'"):
-        ssiam.load_tracker("fear_xs")
+    with pytest.raises(ArgumentError, match="unknown tracker 'fear_xs_coreml'"):
+        ssiam.load_tracker("fear_xs_coreml")
 
 
 @pytest.mark.parametrize("has_terminal", [True, False])

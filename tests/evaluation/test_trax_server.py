@@ -30,7 +30,7 @@ class Chatty:
     def init(self, view, xywh):
         self.xywh = xywh
         self.talk()
-    def track(self, view):
+    def update(self, view):
         self.talk()
         return Track(self.xywh, score=0.25)
     def talk(self):

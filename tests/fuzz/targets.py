@@ -32,6 +32,8 @@ from ssiam.geometry import check_box
 from ssiam.motion import Motion
 from ssiam.parsing import parse_json, parse_rate
 from ssiam.runtime.manifest import Manifest
+from ssiam.toml_tables import read_toml
+from ssiam.trackers.one_stream import OneStreamDescription
 from ssiam.video import open_source
 from ssiam.video.mask_codec import decode_mask, encode_mask
 from ssiam.video.source_files import check_distinct_from_source
@@ -293,6 +295,11 @@ def _network_targets(folder: Path) -> Iterable[Target]:
     pth = (saved(True), saved(False))
     yield Target("checkpoint", pth, in_file(folder / "a.pth", read_checkpoint), 4)
     yield Target("config", (_SETTINGS,), in_file(folder / "c.toml", read_config))
+    yield Target(
+        "description",
+        (b'network = "a.onnx"\nwindow = 0.5\nmean = [0.4, 0.5, 1]\noutputs = ["box", "score"]\n',),
+        in_file(folder / "d.toml", lambda p: read_toml(OneStreamDescription, p, "description")),
+    )
     yield from _training_targets(folder / "training")
 
 

@@ -26,10 +26,10 @@ class FailingTracker:
     def init(self, view, xywh):
         self._inner.init(view, xywh)
 
-    def track(self, view):
+    def update(self, view):
         self._frames += 1
         self._failure(self._frames)
-        return self._inner.track(view)
+        return self._inner.update(view)
 
     def seek(self, view, xywh):
         return self._inner.seek(view, xywh)

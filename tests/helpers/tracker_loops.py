@@ -74,7 +74,7 @@ def recorded_indices(monkeypatch):
 def recorded_crop_sides(monkeypatch):
     """A list to which the side of each crop from now on is appended."""
     sides = []
-    crop = FrameView.crop
+    crop = FrameView.crop_square
 
     def recording(view, center_xy, side, out, fill):
         sides.append(side)
@@ -123,7 +123,7 @@ class LoopTests:
         tracker = self.tracker()
         tracker.init(FrameView(frames[0]), BOX)
         for frame, box in zip(frames[1:], boxes[1:], strict=True):
-            track = tracker.track(FrameView(frame))
+            track = tracker.update(FrameView(frame))
             assert center_distance(track.box, box) < 2.0
             assert track.box[2] == pytest.approx(40, abs=4)
             assert 0.8 < track.score <= 1
@@ -135,16 +135,16 @@ class LoopTests:
         tracker.init(FrameView(frames[0]), BOX)
         for frame, box in zip(frames[1:], boxes[1:], strict=True):
             view = FrameView(frame, stab_from_raw, border=20)
-            track = tracker.track(view)
+            track = tracker.update(view)
             assert center_distance(track.box, map_box(stab_from_raw, box)) < 2.0
             assert center_distance(track.mapped(view.raw_from_stab, SIZE).box, box) < 2.0
 
     def test_seek_finds_a_target_far_from_the_last_box(self):
         tracker, _ = self.started()
         far, near = (250.0, 20.0, 40.0, 40.0), (243.0, 26.0, 40.0, 40.0)
-        assert center_distance(tracker.track(FrameView(marker_frame(far))).box, far) > 20
+        assert center_distance(tracker.update(FrameView(marker_frame(far))).box, far) > 20
         assert center_distance(tracker.seek(FrameView(marker_frame(far)), near).box, far) < 2.0
-        assert center_distance(tracker.track(FrameView(marker_frame(far))).box, far) < 2.0
+        assert center_distance(tracker.update(FrameView(marker_frame(far))).box, far) < 2.0
 
     @pytest.mark.parametrize("stab_from_raw", TRANSFORMS)
     def test_seek_takes_a_box_in_the_views_pixels(self, stab_from_raw):
@@ -157,19 +157,19 @@ class LoopTests:
     def test_a_clone_shares_no_state(self):
         frames, _ = moving_marker(BOX)
         alone, _ = self.started()
-        expected = [alone.track(FrameView(frame)).box for frame in frames[1:]]
+        expected = [alone.update(FrameView(frame)).box for frame in frames[1:]]
         first, _ = self.started()
         second = first.clone()
         second.init(FrameView(marker_frame((30, 150, 50, 50))), (30, 150, 50, 50))
         for frame, box in zip(frames[1:], expected, strict=True):
-            second.track(FrameView(marker_frame((30, 150, 50, 50))))
-            assert first.track(FrameView(frame)).box == box
+            second.update(FrameView(marker_frame((30, 150, 50, 50))))
+            assert first.update(FrameView(frame)).box == box
 
     def test_a_clone_has_no_target(self):
         tracker, frames = self.started()
         view = FrameView(frames[1])
         with pytest.raises(ArgumentError, match="no target yet"):
-            tracker.clone().track(view)
+            tracker.clone().update(view)
         with pytest.raises(ArgumentError, match="no target yet"):
             tracker.clone().seek(view, BOX)
 
@@ -180,8 +180,8 @@ class LoopTests:
         tracker = self.tracker()
         tracker.init(FrameView(frames[0]), BOX)
         for frame in frames[1:]:
-            tracker.track(FrameView(frame))
-            tracker.track(FrameView(frame, rigid(4, 3, 0.05)))
+            tracker.update(FrameView(frame))
+            tracker.update(FrameView(frame, rigid(4, 3, 0.05)))
 
     @pytest.mark.parametrize(
         "box",
@@ -199,7 +199,7 @@ class LoopTests:
         tracker.init(FrameView(marker_frame(box)), box)
         for stab_from_raw in (np.eye(3), rigid(30, 20, 0.1)):
             for _ in range(4):
-                track = tracker.track(FrameView(marker_frame(box), stab_from_raw))
+                track = tracker.update(FrameView(marker_frame(box), stab_from_raw))
                 assert np.isfinite(track.box).all()
                 assert min(track.box[2:]) > 0
                 assert 0 <= track.score <= 1
@@ -209,5 +209,5 @@ class LoopTests:
         runs = []
         for _ in range(2):
             tracker, _ = self.started()
-            runs.append([tracker.track(FrameView(frame)).box for frame in frames[1:]])
+            runs.append([tracker.update(FrameView(frame)).box for frame in frames[1:]])
         assert runs[0] == runs[1]

@@ -75,7 +75,7 @@ class ScriptedTracker:
     def init(self, view, xywh):
         self._xywh = xywh
 
-    def track(self, view):
+    def update(self, view):
         truth = self._truth[id(view.raw)]
         visible = None if truth is None else map_box(view.stab_from_raw, truth)
         if visible is None or distance(visible, self._xywh) >= self.reach:
@@ -93,4 +93,4 @@ class ScriptedTracker:
 
     def seek(self, view, xywh):
         self._xywh = xywh
-        return self.track(view)
+        return self.update(view)

@@ -107,7 +107,9 @@ def test_int8_agrees_between_runtimes_and_is_close_to_f32(tmp_path, monkeypatch)
     assert export_alex(tmp_path / "int8", precision="int8", images=frames).precision == "int8"
     assert Manifest.read(tmp_path / "int8").precision == "int8"
     view = FrameView(frames[3])
-    crops = [view.crop((110, 120), side, out, (0, 0, 0)) for side, out in ((90, 127), (203, 287))]
+    crops = [
+        view.crop_square((110, 120), side, out, (0, 0, 0)) for side, out in ((90, 127), (203, 287))
+    ]
     template, search = map(crop_tensor, crops)
     maps = {}
     for runtime, folder in (

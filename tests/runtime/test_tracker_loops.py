@@ -41,7 +41,7 @@ def test_boxes_and_scores_match_the_reference(golden, monkeypatch, loop):
     indices = recorded_indices(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1 : None if SLOW else count]):
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         if name == "siamfc":
             x, y, w, h = track.box
             assert (x + 1, y + 1, w, h) == pytest.approx(z["box_1based"][t], abs=1e-3)

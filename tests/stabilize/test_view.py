@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
+import ssiam
 from helpers.synthetic import golden_video, world
 from ssiam import FrameView
-from ssiam.geometry import map_points, rigid
+from ssiam.geometry import corners_from_xywh, map_points, rigid
 
 
 def test_a_crop_of_a_raw_view_is_the_reference_bit_for_bit(golden):
@@ -17,7 +18,7 @@ def test_a_crop_of_a_raw_view_is_the_reference_bit_for_bit(golden):
     for (cx, cy, out, side), digest in zip(
         z["subwindow_cases"], z["subwindow_sha256"], strict=True
     ):
-        crop = FrameView(frame).crop((cx, cy), int(side), int(out), fill)
+        crop = FrameView(frame).crop_square((cx, cy), int(side), int(out), fill)
         planes = np.ascontiguousarray(crop.transpose(2, 0, 1))
         assert hashlib.sha256(planes.tobytes()).hexdigest() == digest
 
@@ -34,8 +35,8 @@ def test_a_crop_of_a_stabilized_view_is_the_crop_of_the_warped_frame(side):
     frame = smooth_world()
     fill = np.array([0.0, 0.0, 0.0])
     warped = cv2.warpAffine(frame, STAB_FROM_RAW[:2], (640, 360))
-    whole = FrameView(warped).crop((300.2, 170.9), side, 255, fill)
-    composed = FrameView(frame, STAB_FROM_RAW).crop((300.2, 170.9), side, 255, fill)
+    whole = FrameView(warped).crop_square((300.2, 170.9), side, 255, fill)
+    composed = FrameView(frame, STAB_FROM_RAW).crop_square((300.2, 170.9), side, 255, fill)
     difference = np.abs(whole.astype(int) - composed)[4:-4, 4:-4]
     assert difference.mean() < 0.5
     assert np.percentile(difference, 99) <= 3
@@ -46,7 +47,7 @@ def test_a_crop_near_the_identity_is_the_reference_crop():
     fill = frame.mean(axis=(0, 1))
     nearly = FrameView(frame, rigid(1e-6, 0, 0))
     assert not nearly.is_raw
-    a, b = (view.crop((30.0, 40.0), 180, 255, fill) for view in (FrameView(frame), nearly))
+    a, b = (view.crop_square((30.0, 40.0), 180, 255, fill) for view in (FrameView(frame), nearly))
     assert np.abs(a.astype(int) - b)[2:-2, 2:-2].max() <= 2
 
 
@@ -54,7 +55,7 @@ def test_a_crop_near_the_identity_is_the_reference_crop():
 @pytest.mark.parametrize("stab_from_raw", [np.eye(3), STAB_FROM_RAW])
 def test_a_crop_outside_of_the_frame_is_the_truncated_fill(center, stab_from_raw):
     view = FrameView(world(), stab_from_raw)
-    crop = view.crop(center, 100, 127, np.array([10.9, 20.2, 30.7]))
+    crop = view.crop_square(center, 100, 127, np.array([10.9, 20.2, 30.7]))
     assert (crop == (10, 20, 30)).all()
 
 
@@ -125,7 +126,7 @@ def test_the_frame_is_not_changed():
     before = frame.copy()
     view = FrameView(frame, STAB_FROM_RAW, border=5)
     view.render()
-    view.crop((10.0, 10.0), 100, 127, np.zeros(3))
+    view.crop_square((10.0, 10.0), 100, 127, np.zeros(3))
     np.testing.assert_array_equal(frame, before)
 
 
@@ -145,7 +146,7 @@ def test_a_rectangle_of_whole_pixels_is_cut_out(shift):
     frame = world()
     x, y = 200 + shift[0], 100 + shift[1]
     view = FrameView(frame, rigid(*shift, 0))
-    crop = view.crop_rectangle((x, y, 60, 40), (60, 40), np.zeros(3))
+    crop = view.crop((x, y, 60, 40), (60, 40), np.zeros(3)).image
     np.testing.assert_array_equal(crop, frame[100:140, 200:260])
 
 
@@ -153,7 +154,7 @@ def test_a_rectangle_is_stretched():
     """Each pixel of the crop is the center of two by four pixels, where the frame is a ramp."""
     x, y = np.meshgrid(np.arange(100), np.arange(60))
     frame = np.stack([2 * x, 4 * y, np.zeros_like(x)], axis=2).astype(np.uint8)
-    crop = FrameView(frame).crop_rectangle((10, 20, 40, 32), (20, 8), np.zeros(3))
+    crop = FrameView(frame).crop((10, 20, 40, 32), (20, 8), np.zeros(3)).image
     assert crop.shape == (8, 20, 3)
     columns, rows = 10 + 2 * np.arange(20) + 0.5, 20 + 4 * np.arange(8) + 1.5
     np.testing.assert_array_equal(crop[..., 0], np.tile(2 * columns, (8, 1)))
@@ -161,7 +162,7 @@ def test_a_rectangle_is_stretched():
 
 
 def test_outside_of_the_frame_a_rectangle_has_the_truncated_fill():
-    crop = FrameView(world()).crop_rectangle((-80, 10, 40, 30), (20, 15), np.array([9.9, 1, 2.5]))
+    crop = FrameView(world()).crop((-80, 10, 40, 30), (20, 15), np.array([9.9, 1, 2.5])).image
     assert (crop == (9, 1, 2)).all()
 
 
@@ -176,7 +177,7 @@ def test_outside_of_the_frame_a_rectangle_has_the_truncated_fill():
 )
 def test_the_corner_of_a_square_is_rounded_half_up(center, side, rows, columns):
     frame = world()
-    crop = FrameView(frame).crop(center, side, side, np.zeros(3))
+    crop = FrameView(frame).crop_square(center, side, side, np.zeros(3))
     np.testing.assert_array_equal(crop, frame[rows, columns])
     assert crop.flags.c_contiguous
 
@@ -185,7 +186,74 @@ def test_the_corner_of_a_square_is_rounded_half_up(center, side, rows, columns):
 def test_a_square_over_a_corner_is_filled_around_the_frame(left, top):
     frame = world()
     center = left + 10.5, top + 10.5
-    crop = FrameView(frame).crop(center, 20, 20, np.array([1.0, 2, 3]))
+    crop = FrameView(frame).crop_square(center, 20, 20, np.array([1.0, 2, 3]))
     padded = np.full((420, 700, 3), (1, 2, 3), np.uint8)
     padded[30:390, 30:670] = frame
     np.testing.assert_array_equal(crop, padded[top + 30 : top + 50, left + 30 : left + 50])
+
+
+def test_a_crop_is_black_outside_of_the_frame_by_default():
+    assert not FrameView(world()).crop((-80, 10, 40, 30), (20, 15)).image.any()
+
+
+@pytest.mark.parametrize("stab_from_raw", [np.eye(3), STAB_FROM_RAW])
+def test_a_crop_gives_the_way_back_to_the_view(stab_from_raw):
+    """A square that is found in a stretched crop is where it was drawn in the view."""
+    view = FrameView(np.zeros((360, 640, 3), np.uint8), stab_from_raw)
+    corners = map_points(view.raw_from_stab, corners_from_xywh((300, 150, 20, 12)) - 0.5)
+    cv2.fillPoly(view.raw, [np.rint(corners * 16).astype(np.int32)], (255, 255, 255), shift=4)
+    crop = view.crop((260, 130, 120, 60), (240, 240))
+    rows, columns = np.nonzero(crop.image[..., 0] > 127)
+    found = columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1
+    x, y, w, h = crop.box_in_view(found)
+    assert (x, y) == pytest.approx((300, 150), abs=1.5)
+    assert (w, h) == pytest.approx((20, 12), abs=2.5)
+    assert crop.box_in_view((0, 0, 240, 240)) == (260, 130, 120, 60)
+    corner = map_points(crop.view_from_crop, [(240, 240)])[0]
+    np.testing.assert_allclose(corner, (380, 190))
+
+
+def test_a_crop_is_a_networks_input():
+    crop = FrameView(world()).crop((100, 50, 80, 40), (32, 16))
+    blue, green, red = (crop.image[..., channel].astype(np.float32) for channel in range(3))
+    plain = crop.tensor()
+    assert (plain.shape, plain.dtype) == ((1, 3, 16, 32), np.float32)
+    assert plain.flags.c_contiguous
+    np.testing.assert_array_equal(plain[0], [blue, green, red])
+    scaled = crop.tensor(rgb=True, mean=(10, 20, 30), scale=(1, 0.5, 2))
+    expected = [red - 10, (green - 20) / 2, (blue - 30) * 2]
+    np.testing.assert_allclose(scaled[0], expected, rtol=1e-6)
+    np.testing.assert_allclose(crop.tensor(scale=1 / 255).max() * 255, crop.image.max(), rtol=1e-6)
+    assert crop.image.max() > 1  # the crop itself is unchanged
+
+
+def test_a_crop_describes_itself():
+    crop = FrameView(world()).crop((100, 50, 80, 40), (32, 16))
+    assert repr(crop) == "Crop(32x16 of 100,50,80,40)"
+    shown = cv2.imdecode(np.frombuffer(crop._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(shown, crop.image)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((1, 2, 3), (8, 8)), "has 3 numbers"),
+        (((1, 2, 0, 4), (8, 8)), "empty or not finite"),
+        (((1, 2, np.nan, 4), (8, 8)), "empty or not finite"),
+        (((1, 2, 3, 4), (8, 0)), r"crop size \(8, 0\)"),
+        (((1, 2, 3, 4), (8, 8.5)), "crop size"),
+        (((1, 2, 3, 4), 8), "crop size 8"),
+        (((1, 2, 3, 4), (100_000, 8)), "1 to 4096"),
+        (((1, 2, 3, 4), (8, 8), 0), "fill 0 is not a color"),
+        (((1, 2, 3, 4), (8, 8), (1, 2, np.inf)), "is not a color"),
+    ],
+)
+def test_a_crop_that_cannot_be_cut_is_refused(arguments, message):
+    with pytest.raises(ssiam.SsiamError, match=message):
+        FrameView(world()).crop(*arguments)
+
+
+@pytest.mark.parametrize("values", [{"mean": (1, 2)}, {"scale": "x"}, {"mean": np.nan}])
+def test_a_tensor_needs_one_number_or_three(values):
+    with pytest.raises(ssiam.SsiamError, match="give one number, or one per channel"):
+        FrameView(world()).crop((1, 2, 3, 4), (8, 8)).tensor(**values)

@@ -72,7 +72,7 @@ def half_up_corner(center, side):
 
 def crop_of(frame, center, side, out=255):
     view = FrameView(frame)
-    crop = view.crop(tuple(center), side, out, FRAMES[0].mean(axis=(0, 1)))
+    crop = view.crop_square(tuple(center), side, out, FRAMES[0].mean(axis=(0, 1)))
     return crop.transpose(2, 0, 1)[None].astype(np.float32)
 
 
@@ -104,7 +104,7 @@ def test_the_loop_of_lite():
         score = (sigmoid(scores) * sigmoid(qualities)).ravel()
         offset = half_up_corner(reference.center, side) + side / 2 - reference.center
         best, _, overlap = reference.step(score, distances, 255 / side, offset)
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         np.testing.assert_array_equal(networks.search.calls[-1][0], crop)
         assert track.box == pytest.approx(reference.xywh, abs=1e-4)
         logits = [float(np.clip(each.ravel()[best], -8, 8)) for each in (scores, qualities)]
@@ -121,7 +121,7 @@ def test_the_evidence_of_lite_is_within_limits():
     distances = np.full((1, 4, 15, 15), 30, np.float32)
     networks.search.answer = lambda t, *inputs: [*maps, distances]
     tracker.init(FrameView(FRAMES[0]), START)
-    assert tracker.track(FrameView(FRAMES[1])).evidence == (8, -8)
+    assert tracker.update(FrameView(FRAMES[1])).evidence == (8, -8)
 
 
 def test_seek_starts_at_the_center_of_its_box():
@@ -140,11 +140,11 @@ def test_a_small_target_of_lite_may_stay_small():
     networks.search.answer = lambda t, *inputs: [*maps, distances]
     tracker.init(FrameView(FRAMES[0]), (100.0, 90.0, 14.0, 12.0))
     for _ in range(30):
-        track = tracker.track(FrameView(FRAMES[1]))
+        track = tracker.update(FrameView(FRAMES[1]))
     assert track.box[2:] == pytest.approx((7, 6))
     tracker.init(FrameView(FRAMES[0]), (100.0, 90.0, 44.0, 32.0))
     for _ in range(30):
-        track = tracker.track(FrameView(FRAMES[1]))
+        track = tracker.update(FrameView(FRAMES[1]))
     assert track.box[2:] == pytest.approx((10, 10))
 
 
@@ -218,7 +218,7 @@ def test_the_loop_of_nanotrack(spread, side):
         background, foreground, distances = random_maps(t, side, spread)
         score = sigmoid(foreground.astype(float) - background).ravel()
         best, box, overlap = reference.step(score, distances, zoom)
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         np.testing.assert_array_equal(networks.search.calls[-1][0], crop)
         assert track.box == pytest.approx(reference.xywh, abs=1e-4)
         logit = float(np.clip(foreground.ravel()[best] - background.ravel()[best], -6, 12))

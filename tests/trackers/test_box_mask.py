@@ -111,7 +111,7 @@ def test_the_network_gets_the_crop_with_the_fill():
     frame = np.random.default_rng(1).integers(0, 256, (240, 320, 3)).astype(np.uint8)
     fill = np.array([10.0, 20, 30])
     _, crop = recorded(FrameView(frame), (-10.0, 80.0, 60.0, 40.0), fill)
-    expected = FrameView(frame).crop_rectangle((-28.0, 68.0, 96.0, 64.0), (128, 128), fill)
+    expected = FrameView(frame).crop((-28.0, 68.0, 96.0, 64.0), (128, 128), fill).image
     np.testing.assert_array_equal(crop[0], expected.transpose(2, 0, 1))
     assert crop.dtype == np.float32
 

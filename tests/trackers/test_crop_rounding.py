@@ -42,5 +42,5 @@ def test_the_center_does_not_depend_on_the_rounding_of_the_crop(offset):
     x, y = (center + d - SIDE / 2 for center, d in zip(CENTER, offset, strict=True))
     view = FrameView(frame())
     tracker.init(view, (x, y, SIDE, SIDE))
-    x, y, w, h = tracker.track(view).box
+    x, y, w, h = tracker.update(view).box
     assert (x + w / 2, y + h / 2) == pytest.approx(CENTER, abs=1e-3)

@@ -22,7 +22,7 @@ TARGET, LOOK_ALIKE = (*LEFT, SIDE, SIDE), (*RIGHT, SIDE, SIDE)
 
 def boxes_of(tracker, frames):
     tracker.init(FrameView(frames[0]), TARGET)
-    return [tracker.track(FrameView(frame)).box for frame in frames[1:]]
+    return [tracker.update(FrameView(frame)).box for frame in frames[1:]]
 
 
 @pytest.mark.parametrize("name", TRACKERS)
@@ -58,8 +58,8 @@ def test_clones_and_copies_do_not_share_distractors(name):
     tracker = TRACKERS[name](distractors=True)
     boxes_of(tracker, frames[:6])
     copied, cloned = copy.deepcopy(tracker), tracker.clone()
-    expected = [tracker.track(FrameView(frame)).box for frame in frames[6:]]
-    assert [copied.track(FrameView(frame)).box for frame in frames[6:]] == expected
+    expected = [tracker.update(FrameView(frame)).box for frame in frames[6:]]
+    assert [copied.update(FrameView(frame)).box for frame in frames[6:]] == expected
     assert boxes_of(cloned, frames)[5:] == expected
 
 

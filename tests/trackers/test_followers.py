@@ -29,7 +29,7 @@ class GivenTracks:
         self.found, self.sought = found or Track(BOX, 0.9), list(sought)
         self.views, self.searched = [], []
 
-    def track(self, view):
+    def update(self, view):
         self.views.append(view)
         return self.found
 

@@ -91,12 +91,12 @@ class StillTracker:
     def init(self, view, xywh):
         self.xywh = xywh
 
-    def track(self, view):
+    def update(self, view):
         return Track(self.xywh)
 
     def seek(self, view, xywh):
         self.xywh = xywh
-        return self.track(view)
+        return self.update(view)
 
     def clone(self):
         return StillTracker()

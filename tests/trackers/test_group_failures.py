@@ -6,7 +6,7 @@ import pytest
 import ssiam
 from helpers.failing_trackers import every_tenth, failing_tracker
 from helpers.synthetic import golden_video
-from ssiam.errors import FrameSizeError
+from ssiam.errors import FrameSizeError, TrackingError
 from ssiam.motion import CameraMotion
 
 OTHER = (20.0, 30.0, 40.0, 40.0)
@@ -43,7 +43,7 @@ def test_without_keep_going_the_error_is_raised(video):
     group.init(frames[0], [box])
     for frame in frames[1:10]:
         group.update(frame)
-    with pytest.raises(RuntimeError, match="come apart"):
+    with pytest.raises(TrackingError, match="come apart"):
         group.update(frames[10])
 
 

@@ -55,7 +55,7 @@ def recent(tracker, frames):
     """Number of the recent template in each frame."""
     tracker.init(FrameView(frames[0]), BOX)
     for frame in frames[1:]:
-        tracker.track(FrameView(frame))
+        tracker.update(FrameView(frame))
     return [int(inputs[-1].item()) for inputs in tracker._networks.search.calls]
 
 
@@ -96,7 +96,7 @@ def test_a_mask_network_is_run_when_the_mask_is_read():
     mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
     tracker = LiteTracker(replace(networks(), mask=mask))
     tracker.init(FrameView(FRAMES[0]), BOX)
-    track = tracker.track(FrameView(FRAMES[1]))
+    track = tracker.update(FrameView(FRAMES[1]))
     assert not mask.calls
     x, y, w, h = (round(value) for value in track.box)
     assert track.mask[y + h // 2, x + w // 2]
@@ -107,7 +107,7 @@ def test_masks_can_be_switched_off():
     mask = Stub(lambda t, crop: [np.full((1, 1, 64, 64), 8, np.float32)])
     tracker = LiteTracker(replace(networks(), mask=mask), masks=False)
     tracker.init(FrameView(FRAMES[0]), BOX)
-    assert tracker.track(FrameView(FRAMES[1])).mask is None
+    assert tracker.update(FrameView(FRAMES[1])).mask is None
 
 
 def test_templates_are_the_crop_around_the_target():

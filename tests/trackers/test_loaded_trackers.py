@@ -1,6 +1,7 @@
 """What `load_tracker` loads for a name: networks, weights, options and further templates."""
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -29,7 +30,8 @@ from ssiam.trackers.template_memory import TemplateMemoryTracker
 
 OPENCV = ("csrt", "kcf", "mil")
 NANOTRACK = ("nanotrack_v1", "nanotrack_v2", "nanotrack_v3")
-SIAMESE = tuple(name for name in TRACKERS if name not in (*OPENCV, *NANOTRACK, "lite"))
+SIAMESE = get_args(registry.SiameseName)
+WITHOUT_NETWORKS = (*OPENCV, "opencv_vit", "opencv_nano", "opencv_dasiamrpn", "dlib")
 
 
 @pytest.fixture
@@ -156,7 +158,7 @@ def test_opencvs_trackers_have_no_networks(name, tmp_path):
 
 
 def test_all_others_have_networks():
-    assert {name for name in TRACKERS if not has_networks(name)} == set(OPENCV)
+    assert {name for name in TRACKERS if not has_networks(name)} == set(WITHOUT_NETWORKS)
 
 
 def stored(folder, name="network.json"):

@@ -39,7 +39,7 @@ def test_a_tracker_without_features_is_compared_by_its_image(walker):
     )
     memory.init(FrameView(walker[0]), WALKER)
     for frame in walker[1:]:
-        memory.track(FrameView(frame))
+        memory.update(FrameView(frame))
     x, y, w, h = WALKER
     assert memory.similarity(FrameView(walker[0]), WALKER) == pytest.approx(1)
     assert memory.similarity(FrameView(walker[0]), (x + 2.5 * w, y, w, h)) < 0.6

@@ -121,5 +121,5 @@ def test_the_evidence_is_the_difference_of_the_scores_within_limits(background, 
     tracker = NanoTrack(networks, parameters, Confidence((1.0, 1.0), 0.0))
     frame = np.full((240, 320, 3), 90, np.uint8)
     tracker.init(FrameView(frame), (140.0, 100.0, 40.0, 40.0))
-    track = tracker.track(FrameView(frame))
+    track = tracker.update(FrameView(frame))
     assert track.evidence == pytest.approx((logit, 0), abs=1e-5)

@@ -61,10 +61,10 @@ def test_a_refused_box_keeps_the_former_target(frame):
     tracker = opencv.OpenCvTracker("csrt")
     view = ssiam.stabilize.FrameView(frame)
     tracker.init(view, (300, 150, 60, 50))
-    before = tracker.track(view)
+    before = tracker.update(view)
     with pytest.raises(ArgumentError):
         tracker.init(view, (300, 150, 1, 1))
-    after = tracker.track(view)
+    after = tracker.update(view)
     assert after.box == pytest.approx(before.box, abs=2)
     assert after.score == pytest.approx(before.score, abs=0.1)
 
@@ -74,5 +74,5 @@ def test_opencvs_errors_on_a_frame_are_one_line(frame):
     tracker.init(frame, (300, 150, 60, 50))
     inner = tracker._tracker
     with pytest.raises(TrackingError, match="csrt failed on this frame") as caught:
-        inner.track(ssiam.stabilize.FrameView(np.zeros((0, 0, 3), np.uint8)))
+        inner.update(ssiam.stabilize.FrameView(np.zeros((0, 0, 3), np.uint8)))
     assert "\n" not in str(caught.value)

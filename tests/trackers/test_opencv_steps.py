@@ -98,7 +98,7 @@ def test_only_the_surroundings_of_the_last_box_are_rendered(made, name, margin):
     area = 100 - margin, 80 - margin, 40 + 2 * margin, 30 + 2 * margin
     assert tracker._rendered_area == area
     view = FrameView(FRAME, rigid(0, 0, 0.05), border=20)
-    tracker.track(view)
+    tracker.update(view)
     np.testing.assert_array_equal(given.images[1], view.render(area))
 
 
@@ -106,12 +106,12 @@ def test_only_the_surroundings_of_the_last_box_are_rendered(made, name, margin):
 def test_a_tracker_that_finds_nothing_keeps_the_last_box(made, result):
     tracker, given = started("csrt", made)
     given.result = result
-    track = tracker.track(FrameView(FRAME, border=20))
+    track = tracker.update(FrameView(FRAME, border=20))
     assert (track.box, track.score, track.evidence) == (BOX, 0, ())
     given.result = (True, (130, 90, 40, 0))
-    assert tracker.track(FrameView(FRAME, border=20)).box == BOX
+    assert tracker.update(FrameView(FRAME, border=20)).box == BOX
     given.result = (True, (130, 90, 1, 1))
-    assert tracker.track(FrameView(FRAME, border=20)).box == (110, 70, 1, 1)
+    assert tracker.update(FrameView(FRAME, border=20)).box == (110, 70, 1, 1)
 
 
 def logistic(name, first, recent):
@@ -128,7 +128,7 @@ def test_the_score_is_that_of_the_appearance(made, name):
     tracker, given = started(name, made)
     given.result = (True, (130, 90, 44, 33))
     tracker._appearance = GivenAppearance((0.7, 0.4))
-    track = tracker.track(FrameView(FRAME, border=20))
+    track = tracker.update(FrameView(FRAME, border=20))
     assert track.box == (110.0, 70.0, 44.0, 33.0)
     assert all(type(value) is float for value in track.box)
     assert track.evidence == (0.7, 0.4)
@@ -146,7 +146,7 @@ def test_confident_boxes_become_the_recent_appearance(made, score, updated):
     tracker, given = started("kcf", made)
     given.result = (True, (130, 90, 44, 33))
     tracker._appearance = GivenAppearance(evidence_of(score))
-    tracker.track(FrameView(FRAME, border=20))
+    tracker.update(FrameView(FRAME, border=20))
     assert tracker._appearance.updates == ([(110, 70, 44, 33)] if updated else [])
 
 
@@ -205,7 +205,7 @@ def test_only_kcf_can_seek():
 
 
 def test_nothing_is_tracked_before_a_start():
-    for call in (OpenCvTracker("kcf").track, lambda view: OpenCvTracker("kcf").seek(view, BOX)):
+    for call in (OpenCvTracker("kcf").update, lambda view: OpenCvTracker("kcf").seek(view, BOX)):
         with pytest.raises(ArgumentError, match="no target yet"):
             call(FrameView(FRAME))
 

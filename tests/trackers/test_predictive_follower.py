@@ -43,8 +43,8 @@ class DistractedTracker(ScriptedTracker):
             if t in HIDDEN[1:]
         }
 
-    def track(self, view):
-        track = super().track(view)
+    def update(self, view):
+        track = super().update(view)
         distractor = self._distractors.get(id(view.raw))
         if distractor is None:
             return track
@@ -59,7 +59,7 @@ class LowScoreTracker(ScriptedTracker):
         super().__init__(frames, truth)
         self._low = {id(frames[t]) for t in low_frames}
 
-    def track(self, view):
+    def update(self, view):
         truth = map_box(view.stab_from_raw, self._truth[id(view.raw)])
         if distance(truth, self._xywh) > 0.4:
             return Track(self._xywh, 0.02)

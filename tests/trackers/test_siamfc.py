@@ -30,7 +30,7 @@ def test_loop_is_the_reference(golden, monkeypatch, video):
     sides = recorded_crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1:]):
-        x, y, w, h = tracker.track(FrameView(frame)).box
+        x, y, w, h = tracker.update(FrameView(frame)).box
         cy, cx = z["center_yx"][t]
         assert (x + (w - 1) / 2, y + (h - 1) / 2) == pytest.approx((cx, cy), abs=1e-6)
         assert (h, w) == pytest.approx(z["target_sz_hw"][t], abs=1e-6)
@@ -86,7 +86,7 @@ def test_sizes_stop_shrinking_and_growing(best_scale, size_wh, low, high):
     tracker = flat_tracker(responses)
     view = FrameView(np.zeros((120, 160, 3), np.uint8))
     tracker.init(view, (20, 30, *size_wh))
-    sizes = [tracker.track(view).box[2:] for _ in range(20)]
+    sizes = [tracker.update(view).box[2:] for _ in range(20)]
     assert (low <= np.array(sizes[-1])).all()
     assert (np.array(sizes[-1]) <= high).all()
 
@@ -95,7 +95,7 @@ def test_the_score_is_the_sigmoid_of_the_response():
     tracker = flat_tracker(np.ones((3, 1, 1, 1), np.float32))
     view = FrameView(np.zeros((120, 160, 3), np.uint8))
     tracker.init(view, (60, 50, 20, 10))
-    assert tracker.track(view).score == pytest.approx(1 / (1 + np.exp(-0.1)), abs=1e-4)
+    assert tracker.update(view).score == pytest.approx(1 / (1 + np.exp(-0.1)), abs=1e-4)
 
 
 class TestOnMarker(LoopTests):

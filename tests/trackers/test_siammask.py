@@ -58,7 +58,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     tracker.init(FrameView(frames[0]), box)
     tolerance = polygon_tolerance(z)
     for t, frame in enumerate(frames[1:]):
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         assert track.box == pytest.approx(z["bbox"][t], abs=1e-5)
         assert track.score == pytest.approx(z["score"][t], abs=1e-6)
         assert corner_distance(track.corners, z["polygon"][t]) < tolerance
@@ -76,7 +76,7 @@ def test_mask_is_the_reference(golden, name, video):
     parameters = PARAMETERS[LOOPS[name]]
     tracker = SiamMask(networks, parameters)
     tracker.init(FrameView(frames[0]), box)
-    mask = tracker.track(FrameView(frames[1])).mask
+    mask = tracker.update(FrameView(frames[1])).mask
     assert mask.shape == (240, 320)
     assert mask.dtype == bool
     expected = z["mask_in_img_t1"]
@@ -92,7 +92,7 @@ def test_an_empty_mask_gives_the_upright_box(name):
     empty = Stub(lambda t, *windows: [np.full((1, 127 * 127), -12, np.float32)])
     tracker = SiamMask(SiamMaskNetworks(Stub(kernels), fixed_features(), empty), PARAMETERS[name])
     tracker.init(FrameView(frames[0]), box)
-    track = tracker.track(FrameView(frames[1]))
+    track = tracker.update(FrameView(frames[1]))
     np.testing.assert_allclose(track.corners, corners_from_xywh(track.box))
     assert not track.mask.any()
 
@@ -113,7 +113,7 @@ def test_an_empty_mask_beyond_the_border(variant, center_x):
     tracker = SiamMask(networks, replace(PARAMETERS["siammask_r50_l3"], variant=variant))
     start = (285.0, 100.0, 40.0, 40.0)
     tracker.init(FrameView(marker_frame(start)), start)
-    track = tracker.track(FrameView(marker_frame(start)))
+    track = tracker.update(FrameView(marker_frame(start)))
     assert track.box[0] + track.box[2] / 2 == 320
     assert track.corners[:, 0].mean() == pytest.approx(center_x, abs=0.1)
 
@@ -131,7 +131,7 @@ def test_mask_and_corners_follow_the_view(name, stab_from_raw):
     tracker.init(FrameView(frame), TILTED)
     view = FrameView(frame, stab_from_raw, border=20)
     for _ in range(4):
-        track = tracker.track(view)
+        track = tracker.update(view)
     raw = track.mapped(view.raw_from_stab, SIZE)
     found = np.argwhere(raw.mask)
     assert len(found) == pytest.approx(len(rows), rel=0.15)
@@ -149,7 +149,7 @@ def test_a_mask_is_not_cut_at_the_edges_of_a_stabilized_view():
     tracker = marker_tracker()
     tracker.init(FrameView(frame), box)
     for _ in range(3):
-        track = tracker.track(FrameView(frame, stab_from_raw, border=20))
+        track = tracker.update(FrameView(frame, stab_from_raw, border=20))
     corners = map_points(np.linalg.inv(stab_from_raw), track.corners)
     assert corners[:, 0].min() == pytest.approx(2, abs=3)
     assert track.mask.shape == (240, 320)
@@ -163,7 +163,7 @@ def test_a_border_has_no_effect_on_a_raw_view():
         networks = SiamMaskNetworks(Stub(kernels), fixed_features(), fixed_refinement())
         tracker = SiamMask(networks, PARAMETERS["siammask_r50_l3"])
         tracker.init(FrameView(frames[0], border=border), box)
-        runs.append([tracker.track(FrameView(f, border=border)).corners for f in frames[1:]])
+        runs.append([tracker.update(FrameView(f, border=border)).corners for f in frames[1:]])
     np.testing.assert_array_equal(*runs)
 
 
@@ -173,7 +173,7 @@ class TestOnMarker(LoopTests):
 
     def test_every_track_has_mask_and_corners(self):
         tracker, frames = self.started()
-        track = tracker.track(FrameView(frames[1]))
+        track = tracker.update(FrameView(frames[1]))
         assert track.mask.any()
         assert track.corners.shape == (4, 2)
         assert track.box[2] == pytest.approx(BOX[2], abs=4)

@@ -42,7 +42,7 @@ def test_loop_is_the_reference(golden, monkeypatch, name, video):
     indices, sides = recorded_indices(monkeypatch), recorded_crop_sides(monkeypatch)
     tracker.init(FrameView(frames[0]), box)
     for t, frame in enumerate(frames[1:]):
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         assert track.box == pytest.approx(z["bbox"][t], abs=1e-5)
         assert track.score == pytest.approx(z["score"][t], abs=1e-6)
         assert track.corners is None
@@ -56,7 +56,7 @@ def test_all_kernels_are_passed_to_the_search():
     tracker = stub_tracker(search)
     frames, box = golden_video("A", 2)
     tracker.init(FrameView(frames[0]), box)
-    tracker.track(FrameView(frames[1]))
+    tracker.update(FrameView(frames[1]))
     assert [each.shape[1] for each in search.calls[0]] == [3, 1, 2]
 
 
@@ -84,4 +84,4 @@ class TestOnMarker(LoopTests):
 
     def test_without_a_marker_the_score_is_low(self):
         tracker, frames = self.started()
-        assert tracker.track(FrameView(np.zeros_like(frames[1]))).score < 0.01
+        assert tracker.update(FrameView(np.zeros_like(frames[1]))).score < 0.01

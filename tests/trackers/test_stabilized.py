@@ -22,7 +22,7 @@ class StillTracker:
     def init(self, view, xywh):
         self.xywh = xywh
 
-    def track(self, view):
+    def update(self, view):
         corners = ssiam.geometry.corners_from_xywh(self.xywh)
         mask = np.zeros((SIZE[1], SIZE[0]), bool)
         mask[150:200, 300:340] = True
@@ -30,7 +30,7 @@ class StillTracker:
 
     def seek(self, view, xywh):
         self.xywh = xywh
-        return self.track(view)
+        return self.update(view)
 
     def clone(self):
         return StillTracker()

@@ -28,12 +28,12 @@ class RecordingTracker:
         self.templates += 1
         self.xywh = xywh
 
-    def track(self, view):
+    def update(self, view):
         return Track(self.xywh, score=0.9)
 
     def seek(self, view, xywh):
         self.xywh = xywh
-        return self.track(view)
+        return self.update(view)
 
     def clone(self):
         return RecordingTracker(self.can_seek)
@@ -84,7 +84,7 @@ def test_a_lost_target_stays_lost(shaken):
     recording = RecordingTracker(can_seek=True)
     tracker = StabilizedTracker(recording, StabilizerConfig("off"))
     tracker.init(frames[0], BOX)
-    recording.track = lambda view: Track(BOX, score=0.0)
+    recording.update = lambda view: Track(BOX, score=0.0)
     while not tracker.update(frames[1]).lost:
         pass
     tracker.switch(StabilizerConfig("predict"), frames[1])

@@ -44,7 +44,7 @@ class Given:
     def template_feature(self):
         return np.array(self.features.get(self.box, (0.0, 0, 0)), float)
 
-    def track(self, view):
+    def update(self, view):
         self.log.append(("track",))
         return self.tracks.pop(0)
 
@@ -81,7 +81,7 @@ def memory(tracks, sought=(), features=FEATURES, **parameters):
 
 def run(tracks, sought=(), **parameters):
     made, tracker = memory(tracks, sought, **parameters)
-    found = [made.track(VIEW) for _ in tracks]
+    found = [made.update(VIEW) for _ in tracks]
     return made, tracker, found
 
 
@@ -147,7 +147,7 @@ def test_a_low_score_does_not_restart_the_interval():
 def test_the_newest_short_term_templates_are_kept():
     tracks = [Track(box(n), 0.9) for n in (1, 2, 3)]
     made, _, _ = run(tracks, **QUICK)
-    assert [each.tracker.box for each in made._target.short_term] == [box(2), box(3)]
+    assert [each.tracker.tracker.box for each in made._target.short_term] == [box(2), box(3)]
 
 
 @pytest.mark.parametrize(("limit", "count"), [(0.3, 2), (0.29, 1)])
@@ -155,7 +155,7 @@ def test_short_term_templates_that_differ_are_dropped(limit, count):
     """The features of 1 and 2 have a similarity of .707."""
     tracks = [Track(box(n), 0.9) for n in (1, 2)]
     made, _, _ = run(tracks, max_diversity=limit, **QUICK)
-    assert [each.tracker.box for each in made._target.short_term][-count:] == [
+    assert [each.tracker.tracker.box for each in made._target.short_term][-count:] == [
         *([box(1)] * (count - 1)),
         box(2),
     ]
@@ -188,7 +188,7 @@ def test_the_similarity_is_lower_while_the_appearance_changes():
 def test_a_long_term_template_is_replaced_in_its_place():
     tracks = [Track(box(n), 0.9) for n in (2, 3)]
     made, _, _ = run([*tracks, Track(box(5), 0.9)], long_term=3, min_similarity=-1.0, **QUICK)
-    assert [each.tracker.box for each in made._target.long_term] == [box(2), box(5)]
+    assert [each.tracker.tracker.box for each in made._target.long_term] == [box(2), box(5)]
     assert made.template_count[0] == 3
     assert made.similarity(VIEW, box(5)) == pytest.approx(1)
 
@@ -201,10 +201,10 @@ def second(first, other, *, boxes=SAME, memory_of=(2,), **parameters):
     tracks = [Track(box(number), 0.95) for number in memory_of]
     made, tracker = memory([*tracks, Track(boxes[0], first)], **{**QUICK, **parameters})
     for _ in tracks:
-        made.track(VIEW)
+        made.update(VIEW)
     tracker.log.clear()
     tracker.sought[:] = [Track(boxes[1], other)]
-    return made.track(VIEW), tracker.log, made, tracker
+    return made.update(VIEW), tracker.log, made, tracker
 
 
 @pytest.mark.parametrize(("first", "searched"), [(0.8, True), (0.81, False)])
@@ -226,11 +226,11 @@ def test_after_a_further_box_the_tracker_is_sent_to_it():
     _, _, made, tracker = second(0.5, 0.75, boxes=(box(1), box(3)))
     tracker.log.clear()
     tracker.sought[:] = [Track(box(1), 0.9)]
-    assert made.track(VIEW).score == 0.9
+    assert made.update(VIEW).score == 0.9
     assert tracker.log[0] == ("seek", BOX, box(3))
     tracker.tracks = [Track(box(1), 0.9)]
     tracker.log.clear()
-    made.track(VIEW)
+    made.update(VIEW)
     assert tracker.log[0] == ("track",)
 
 
@@ -269,7 +269,7 @@ def test_templates_search_in_turn():
     tracks = [*[Track(box(n), 0.9) for n in (2, 3)], *[Track(box(1), 0.3)] * 4]
     made, tracker = memory(tracks, [Track(box(1), 0.0)] * 4, **QUICK)
     for _ in tracks:
-        made.track(VIEW)
+        made.update(VIEW)
     searched = [each[1] for each in tracker.log if each[0] == "seek"]
     assert searched == [box(2), box(3), box(3), box(2)]
 
@@ -292,9 +292,9 @@ def test_a_template_that_cannot_be_started_is_left_out(monkeypatch):
         started(self, view, xywh)
 
     monkeypatch.setattr(Given, "init", refusing)
-    made.track(VIEW)
+    made.update(VIEW)
     assert made.template_count == (1, 0)
-    made.track(VIEW)
+    made.update(VIEW)
     assert made.template_count == (2, 1)
 
 
@@ -304,7 +304,7 @@ def test_a_clone_has_the_parameters_and_no_target():
     assert cloned._parameters == made._parameters
     assert cloned._tracker is not tracker
     with pytest.raises(ArgumentError, match="no target yet"):
-        cloned.track(VIEW)
+        cloned.update(VIEW)
     assert (made.can_seek, made.reseek_below, made.center_inset) == (True, 0.2, 0.5)
 
 
@@ -313,6 +313,12 @@ class WithoutFeatures:
 
     def init(self, view, xywh):
         pass
+
+    def update(self, view):
+        raise NotImplementedError
+
+    def seek(self, view, xywh):
+        raise NotImplementedError
 
     def clone(self):
         return WithoutFeatures()
@@ -326,7 +332,7 @@ def test_without_features_the_pixels_are_compared(xywh, side):
     view = FrameView(frame)
     made = TemplateMemoryTracker(WithoutFeatures())
     x, y, w, h = xywh
-    patch = view.crop((x + w / 2, y + h / 2), side, 16, np.zeros(3))
+    patch = view.crop_square((x + w / 2, y + h / 2), side, 16, np.zeros(3))
     found = made._feature(view, xywh)
     assert found.dtype == np.float64
     np.testing.assert_array_equal(found, patch.ravel())

@@ -110,7 +110,7 @@ def test_templates_are_taken_while_the_appearance_changes():
     tracker.init(FrameView(frames[0]), tuple(boxes[0]))
     counts = [tracker.template_count]
     for frame in frames[1:]:
-        tracker.track(FrameView(frame))
+        tracker.update(FrameView(frame))
         counts.append(tracker.template_count)
     assert counts[0] == (1, 0)
     assert counts[-1] == (5, 2)
@@ -164,10 +164,10 @@ def test_a_lost_target_drops_the_short_term_templates():
     memory = ssiam.load_tracker(stabilize="off", template_memory=True)._tracker
     memory.init(FrameView(frames[0]), tuple(boxes[0]))
     for frame in frames[1:25]:
-        memory.track(FrameView(frame))
+        memory.update(FrameView(frame))
     assert memory.template_count[1] == 2
     empty = FrameView(np.full_like(frames[0], 127))
-    assert memory.track(empty).score < 0.25
+    assert memory.update(empty).score < 0.25
     assert memory.template_count[1] == 0
 
 
@@ -198,7 +198,7 @@ class MemoryLoopTests(LoopTests):
     def test_templates_are_taken(self):
         tracker, frames = self.started()
         for frame in frames[1:]:
-            tracker.track(FrameView(frame))
+            tracker.update(FrameView(frame))
         assert tracker.template_count[1] == EAGER.short_term
 
     def test_its_similarity_is_highest_on_the_target(self):
@@ -237,5 +237,5 @@ def test_nanotrack_has_features():
     memory = TemplateMemoryTracker(nanotrack_tracker(), EAGER)
     memory.init(FrameView(frames[0]), BOX)
     for frame in frames[1:]:
-        memory.track(FrameView(frame))
+        memory.update(FrameView(frame))
     assert memory.similarity(FrameView(frames[0]), BOX) == pytest.approx(1)

@@ -70,7 +70,7 @@ def test_siamrpn_keeps_the_references_minimum_size_and_lowers_its_score(side):
     box = (150.0, 100.0, float(side), float(side))
     tracker.init(FrameView(marked(side)), box)
     for _ in range(8):
-        track = tracker.track(FrameView(marked(side)))
+        track = tracker.update(FrameView(marked(side)))
     assert min(track.box[2:]) >= 10
     overlap = iou(track.box, box)
     if side >= 16:

@@ -139,7 +139,7 @@ def test_the_written_network_tracks(finished):
     frames, box = golden_video("A", 3)
     tracker.init(FrameView(frames[0]), box)
     for frame in frames[1:]:
-        track = tracker.track(FrameView(frame))
+        track = tracker.update(FrameView(frame))
         assert track.mask is None
         assert 0 <= track.score <= 1
 

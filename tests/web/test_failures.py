@@ -65,7 +65,7 @@ def test_a_tracker_that_raises_on_every_tenth_frame_loses_these_frames(stabilize
         steps = [step for step in observed.steps if len(step.targets) == 2]
     failed = [step for step in steps if step.targets[0].error]
     assert {step.targets[0].error for step in failed} == {
-        "RuntimeError: this network has come apart in two lines"
+        "FailingTracker.update failed: RuntimeError: this network has come apart in two lines"
     }
     assert all(step.targets[0].track.lost for step in failed)
     numbers = [step.number for step in failed]

@@ -79,7 +79,8 @@ def bench(
         Folder of the results: OUT/TRACKER-STABILIZE/baseline/SEQUENCE/SEQUENCE_001.txt.
     trackers
         Comma-separated names of trackers. By default csrt; with --preset, csrt, kcf, the trackers
-        of --weights, and the paper's whose weights are imported.
+        of --weights, and the paper's whose weights are imported. package.module:Class is a class of
+        your own or of another package, whose code is run; not with --preset.
     stabilize
         Comma-separated stabilization methods: off, paper, literal, predict.
     weights
@@ -128,7 +129,7 @@ def bench(
     options = RuntimeOptions(runtime, threads, precision, device)
     if not dataset:
         raise ArgumentError("no dataset: give its folder, such as ssiam bench data/VOT2018")
-    paths = parse_weights(weights or [])
+    paths = parse_weights(weights or [], named_classes=True)
     check_results_folder(out, dataset, paths.values())
     shakes = parse_shakes(
         shake, shake_kind, shake_seeds, shake_exposure, shake_readout, shake_border
@@ -156,6 +157,7 @@ def bench(
             options,
             template_memory=template_memory,
             distractors=distractors,
+            named_classes=True,
         )
     planned = [
         task

@@ -27,6 +27,7 @@ from ssiam.cli.options import (
     TrackerOptions,
     parse_levels,
     report_leftover_parts,
+    report_uncalibrated,
 )
 from ssiam.errors import ArgumentError, IncompleteError
 from ssiam.outputs import NamedPath, check_output, leftover_parts
@@ -134,6 +135,8 @@ def live(
         _check_headless(source, targets, outputs, mavlink)
     outputs.check(source, [*tracker_options.weight_files(), *box_files(box or [])], quiet=quiet)
     tracker = tracker_options.load(config)
+    if not (quiet or tracker.score_is_calibrated):
+        report_uncalibrated(tracker_options.tracker)
 
     def show(news: Note | Health) -> None:
         if news.message and not (quiet and isinstance(news, Note) and news.level == "info"):

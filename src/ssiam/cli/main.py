@@ -15,9 +15,9 @@ from cyclopts import App, CycloptsError, Group
 from ssiam import __version__
 from ssiam.addresses import redact_words
 from ssiam.cli.box_words import join_box_words
-from ssiam.errors import IncompleteError, SsiamError, StreamError
+from ssiam.errors import ContractError, IncompleteError, SsiamError, StreamError
 
-SUCCESS, USAGE_ERROR, INCOMPLETE = 0, 2, 3
+SUCCESS, CHECK_FAILED, USAGE_ERROR, INCOMPLETE = 0, 1, 2, 3
 INTERRUPTED = 128 + signal.SIGINT
 
 # Of writing to an open stream: a full disk or quota, a file that is too large, a closed descriptor.
@@ -28,8 +28,9 @@ app = App(
     version=__version__,
     help="Track a chosen object in video from a shaking, moving camera.",
     help_format="markdown",
-    help_epilogue="Exit codes: 0 success; 2 wrong usage or input; 3 incomplete: the stream broke "
-    "off, frames could not be decoded, or a part of the work failed (finished work is kept).",
+    help_epilogue="Exit codes: 0 success; 1 a check of check-tracker failed; 2 wrong usage or "
+    "input; 3 incomplete: the stream broke off, frames could not be decoded, or a part of the work "
+    "failed (finished work is kept).",
     print_error=False,
     exit_on_error=False,
     suppress_keyboard_interrupt=False,
@@ -44,6 +45,7 @@ _COMMANDS = {
         "tune:tune",
         "trax:trax",
         "vot_workspace:vot_workspace",
+        "check_tracker:check_tracker",
     ),
     "Networks": ("train:train", "weights:weights"),
 }
@@ -69,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"{error} See ssiam --help.", USAGE_ERROR, words)
     except (StreamError, IncompleteError) as error:
         return _fail(str(error), INCOMPLETE, words)
+    except ContractError as error:
+        return _fail(str(error), CHECK_FAILED, words)
     except SsiamError as error:
         return _fail(str(error), USAGE_ERROR, words)
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -17,7 +18,14 @@ from ssiam.errors import ArgumentError, check_choice
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
-from ssiam.trackers import DEFAULT_TRACKER, TRACKERS, StabilizedTracker, TrackerName, load_tracker
+from ssiam.trackers import (
+    DEFAULT_TRACKER,
+    TRACKERS,
+    StabilizedTracker,
+    TrackerName,
+    check_tracker_name,
+    load_tracker,
+)
 
 TARGET_GROUP = Group("Target", sort_key=1)
 RUNTIME_GROUP = Group("Runtime", sort_key=9)
@@ -35,6 +43,11 @@ Parameter(name="*", group=Group("Stabilization: paper and literal", sort_key=11)
 Parameter(name="*", group=Group("Stabilization: predict", sort_key=12))(PredictConfig)
 
 
+def _check_tracker(type_: object, name: str) -> None:
+    """Raise `ArgumentError` unless the word of ``--tracker`` names a tracker."""
+    check_tracker_name(name)
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TrackerOptions:
@@ -44,6 +57,8 @@ class TrackerOptions:
     ----------
     tracker
         The tracker that runs on the stabilized view. lite, csrt, kcf and mil need no weights.
+        package.module:Class is a class of your own or of another package, whose code is run; its
+        folder must be in PYTHONPATH. Installed packages may add names.
     weights
         File or folder of the tracker's weights. By default those of ssiam weights import, or
         those in ./weights.
@@ -64,7 +79,9 @@ class TrackerOptions:
         Recognize objects like the target by their positions. By default only lite does.
     """
 
-    tracker: Annotated[TrackerName, Parameter(group=TARGET_GROUP)] = DEFAULT_TRACKER
+    tracker: Annotated[
+        TrackerName | str, Parameter(group=TARGET_GROUP, validator=_check_tracker)
+    ] = DEFAULT_TRACKER
     weights: Annotated[Path | None, Parameter(group=TARGET_GROUP)] = None
     runtime: Annotated[RuntimeName, Parameter(group=RUNTIME_GROUP)] = "openvino"
     threads: Annotated[int, Parameter(group=RUNTIME_GROUP)] = min(2, os.cpu_count() or 1)
@@ -99,6 +116,16 @@ class TrackerOptions:
 DEFAULT_TRACKER_OPTIONS = TrackerOptions()
 
 
+@cache
+def report_uncalibrated(name: str) -> None:
+    """Say on standard error, once in a process, that a tracker's score is not a probability."""
+    print(
+        f"ssiam: the score of {name} is its own, not a calibrated probability; lost targets may "
+        "be reported early or late",
+        file=sys.stderr,
+    )
+
+
 def split_words(text: str) -> list[str]:
     """The words of a comma-separated list, without empty ones."""
     return [word.strip() for word in text.split(",") if word.strip()]
@@ -117,8 +144,11 @@ def parse_levels(text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
-def parse_weights(pairs: Iterable[str]) -> dict[str, Path]:
-    """Paths by tracker name, from ``NAME=PATH``; `ArgumentError` for another form or name."""
+def parse_weights(pairs: Iterable[str], *, named_classes: bool = False) -> dict[str, Path]:
+    """Paths by tracker name, from ``NAME=PATH``; `ArgumentError` for another form or name.
+
+    With `named_classes` a name may be that of another package's class.
+    """
     paths: dict[str, Path] = {}
     for pair in pairs:
         name, _, path = pair.partition("=")
@@ -127,7 +157,8 @@ def parse_weights(pairs: Iterable[str]) -> dict[str, Path]:
                 f"--weights {pair!r}: give the tracker and its path, such as "
                 "nanotrack_v3=weights/nanotrackv3"
             )
-        paths[check_choice("tracker", name, TRACKERS)] = Path(path)
+        known = check_tracker_name(name) if named_classes else ""
+        paths[known or check_choice("tracker", name, TRACKERS)] = Path(path)
     return paths
 
 

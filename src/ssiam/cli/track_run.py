@@ -11,7 +11,7 @@ from functools import partial
 from types import TracebackType
 
 from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
-from ssiam.cli.options import TrackerOptions
+from ssiam.cli.options import TrackerOptions, report_uncalibrated
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_records import TrackRecords
@@ -92,7 +92,10 @@ class TrackJob:
 
     def new_group(self) -> TrackerGroup:
         """A group of the job's tracker without targets; raises as `load_tracker`."""
-        return TrackerGroup(self.tracker.load(self.config), keep_going=True)
+        tracker = self.tracker.load(self.config)
+        if not (self.quiet or tracker.score_is_calibrated):
+            report_uncalibrated(self.tracker.tracker)
+        return TrackerGroup(tracker, keep_going=True)
 
 
 def run_track(

@@ -80,7 +80,7 @@ def get(name: str, /, *, folder: Path | None = None) -> None:
     ----------
     name
         The tracker: nanotrack_..., siammask_..., siamfc (needs gdown, for Google Drive). Also
-        vittrack and fear_xs, which no tracker of ssiam runs: their files are only stored.
+        vittrack and fear_xs_coreml, which no tracker of ssiam runs: their files are only stored.
     folder
         Folder to store them in. By default the folder weights in the user's cache folder.
     """
@@ -172,8 +172,8 @@ def import_(
     Parameters
     ----------
     file
-        The .pth file, the authors' folder of it, the folder of NanoTrack's two .onnx files, or a
-        folder written by ssiam weights export.
+        The .pth file, the authors' folder of it, the folder of the two .onnx files of NanoTrack or
+        FEAR-XS, or a folder written by ssiam weights export.
     tracker
         Tracker for which they are stored, if several have the same network (siammask_...). By
         default the tracker that is named like the network, or like the file of SiamMask's authors.
@@ -216,7 +216,7 @@ def export(
     calibration_source
         Video or folder of images to calibrate int8 on, similar to those that will be tracked.
     """
-    known = [each for each in MODEL_ZOO if not each.startswith("nanotrack")]
+    known = [each for each in MODEL_ZOO if not each.startswith(("nanotrack", "fear"))]
     tracker = check_choice("tracker with a .pth file", name, known)
     _check_folder("--out", out / tracker, [("the weights", file)], calibration_source)
     images = [] if calibration_source is None else _calibration_images(calibration_source)

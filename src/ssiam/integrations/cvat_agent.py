@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
-from ssiam.errors import ArgumentError, MissingExtraError
+from ssiam.errors import ArgumentError, MissingExtraError, check_choice
 from ssiam.exchange.mask_shapes import cvat_mask, polygon
 from ssiam.geometry import (
     XYWH,
@@ -23,7 +23,7 @@ from ssiam.geometry import (
     short_repr,
     xywh_from_corners,
 )
-from ssiam.trackers import StabilizedTracker, TrackerName, load_tracker
+from ssiam.trackers import TRACKERS, StabilizedTracker, load_tracker
 
 _SHAPES: Final = ("rectangle", "polygon", "mask")
 _BOUNDS: Final = 4  # numbers after the run lengths of a mask: left, top, right, bottom
@@ -39,7 +39,10 @@ def create(
 
     Parameters
     ----------
-    tracker, weights, stabilize
+    tracker : str
+        One of `ssiam.TRACKERS`; not a class of another package, since the name may come from a
+        server's configuration.
+    weights, stabilize
         As for `ssiam.load_tracker`.
 
     Raises
@@ -49,7 +52,8 @@ def create(
     ValueError, WeightsError
         As `ssiam.load_tracker`.
     """
-    loaded = load_tracker(cast(TrackerName, tracker), weights=weights, stabilize=stabilize)  # type: ignore[arg-type]
+    known = check_choice("tracker", tracker, TRACKERS)
+    loaded = load_tracker(known, weights=weights, stabilize=stabilize)  # type: ignore[arg-type]
     return CvatTrackingFunction(loaded)
 
 

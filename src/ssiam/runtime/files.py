@@ -51,7 +51,7 @@ def weights_sha256(weights: Path, runtime: str = "openvino") -> str:
     """Digest of the files that a runtime reads from a file or folder of weights, 64 digits.
 
     Of one file it is the `sha256`. Several .onnx files of a folder are combined in the order of
-    their names, which count too.
+    their names, which count too; a .toml file, with those in its folder.
 
     Raises
     ------
@@ -59,7 +59,9 @@ def weights_sha256(weights: Path, runtime: str = "openvino") -> str:
         There is no file of weights, or one cannot be read.
     """
     files = [weights]
-    if weights.is_dir() or (weights.suffix == ".onnx" and weights.is_file()):
+    if weights.suffix == ".toml" and weights.is_file():  # with the network that it describes
+        files = [weights, *sorted(weights.parent.glob("*.onnx"))]
+    elif weights.is_dir() or (weights.suffix == ".onnx" and weights.is_file()):
         folder = weights if weights.is_dir() else weights.parent
         kinds = ("*.pth", "*.onnx") if runtime == "torch" else ("*.onnx", "*.pth")
         files = next((found for kind in kinds if (found := sorted(folder.glob(kind)))), [])

@@ -174,6 +174,15 @@ MODEL_ZOO: Final[dict[str, PublishedWeights]] = {
             "75357903be3f4817c965af16cb5a11fd32b1467f597a408405a98635ac63f61d",
         ),
     ),
+    "fear_xs": PublishedWeights(
+        "fear_xs",
+        "github.com/PinataFarms/FEARTracker (as Core ML, which ssiam weights get fear_xs_coreml "
+        "brings; to be converted to fear_template.onnx and fear_search.onnx)",
+        "fear_xs/fear_template.onnx",
+        "MIT",
+        "fear_xs",
+        "about 5.4 MB as ONNX",
+    ),
     "siamfc": PublishedWeights(
         *("siamfc", _SIAMFC, "siamfc_alexnet_e50.pth", "MIT", "siamfc", "about 9.4 MB"),
         (PublishedFile("siamfc_alexnet_e50.pth", _SIAMFC_DRIVE),),
@@ -210,12 +219,12 @@ OTHER_WEIGHTS: Final[dict[str, PublishedWeights]] = {
         ),
         use="OpenCV's cv2.TrackerVit",
     ),
-    "fear_xs": PublishedWeights(
+    "fear_xs_coreml": PublishedWeights(
         "fear_xs",
         "github.com/PinataFarms/FEARTracker",
         "two Core ML files",
         "MIT",
-        "fear_xs",
+        "fear_xs_coreml",
         "4235685 bytes",
         (
             PublishedFile(
@@ -232,12 +241,12 @@ OTHER_WEIGHTS: Final[dict[str, PublishedWeights]] = {
             ),
         ),
         use=(
-            "a teacher of ssiam train, which reads them as ONNX: convert them to "
+            "the tracker fear_xs and ssiam train, which read them as ONNX: convert them to "
             "fear_template.onnx and fear_search.onnx"
         ),
     ),
 }
-"""Published weights that no tracker of this package runs."""
+"""Published weights in a form that no tracker of this package runs."""
 
 
 def how_to_get_weights(tracker: str) -> str:

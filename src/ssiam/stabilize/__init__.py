@@ -3,11 +3,12 @@
 from ssiam.stabilize.config import METHODS, Method, PaperConfig, PredictConfig, StabilizerConfig
 from ssiam.stabilize.predictor import TargetPredictor
 from ssiam.stabilize.stabilizer import CameraPath, Stabilizer
-from ssiam.stabilize.view import FrameView
+from ssiam.stabilize.view import Crop, FrameView
 
 __all__ = [
     "METHODS",
     "CameraPath",
+    "Crop",
     "FrameView",
     "Method",
     "PaperConfig",

@@ -1,21 +1,96 @@
 """`FrameView`: a stabilized view of a raw frame, from which trackers take their search regions.
 
+A `Crop` is such a region, as an image or as a network's input, with the way back to the view.
+
 The paper warps the whole frame and then crops a small square out of it. Both are affine, so the
 two are one `warpAffine` of the square's size, directly from the raw frame.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Final, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform, png_bytes
+from ssiam.errors import ArgumentError
+from ssiam.geometry import (
+    IDENTITY,
+    XYWH,
+    Image,
+    Transform,
+    finite_array,
+    png_bytes,
+    short_repr,
+    xywh_floats,
+)
 
-Color = NDArray[np.float64]
+Color: TypeAlias = NDArray[np.float64]
+PerChannel: TypeAlias = float | Sequence[float] | Color
+"""One number for all three channels, or three."""
+
+_MAX_CROP: Final = 4096  # px, sides of a crop: 48 MB
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Crop:
+    """A rectangle of a view, resized.
+
+    Threads: a value; any number of threads may share it.
+
+    Attributes
+    ----------
+    image : (H, W, 3) uint8 BGR
+    view_from_crop : (3, 3) float64
+        Maps the crop's coordinates to the view's. In both, (0, 0) is the top left corner of the
+        first pixel and (0.5, 0.5) its center.
+    """
+
+    image: Image
+    view_from_crop: Transform
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        x, y, w, h = self.box_in_view((0, 0, width, height))
+        return f"Crop({width}x{height} of {x:g},{y:g},{w:g},{h:g})"
+
+    def _repr_png_(self) -> bytes:
+        """The crop, as notebooks show it."""
+        return png_bytes(self.image)
+
+    def tensor(
+        self, *, rgb: bool = False, mean: PerChannel = 0.0, scale: PerChannel = 1.0
+    ) -> NDArray[np.float32]:
+        """The crop as a network's input: (1, 3, H, W) float32, ``(pixel - mean) * scale``.
+
+        Parameters
+        ----------
+        rgb : bool
+            Whether the channels are red, green, blue; by default blue, green, red.
+        mean, scale : float or three floats
+            Three are in the order of the result's channels. ImageNet's mean and deviation are
+            ``mean=(123.675, 116.28, 103.53), scale=(1 / 58.395, 1 / 57.12, 1 / 57.375)``.
+
+        Raises
+        ------
+        ArgumentError
+            `mean` or `scale` is neither one finite number nor three.
+        """
+        channels = self.image[..., ::-1] if rgb else self.image
+        tensor = np.ascontiguousarray(channels.transpose(2, 0, 1)[None], dtype=np.float32)
+        tensor -= _per_channel("mean", mean)
+        tensor *= _per_channel("scale", scale)
+        return tensor
+
+    def box_in_view(self, xywh: Sequence[float]) -> XYWH:
+        """A box (x, y, w, h) of the crop's pixels, in pixels of the view."""
+        x, y, w, h = (float(number) for number in xywh)
+        (across, _, left), (_, down, top), _ = self.view_from_crop.tolist()
+        return left + across * x, top + down * y, across * w, down * h
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,7 +136,42 @@ class FrameView:
         """Whether this view is the raw frame."""
         return bool(np.array_equal(self.stab_from_raw, IDENTITY))
 
-    def crop(self, center_xy: tuple[float, float], side: int, out: int, fill: Color) -> Image:
+    def crop(
+        self,
+        xywh: Sequence[float],
+        out_wh: tuple[int, int],
+        fill: Sequence[float] | Color | None = None,
+    ) -> Crop:
+        """Crop a rectangle of the stabilized frame, stretched to `out_wh`, in one warp.
+
+        The rectangle is not rounded to whole pixels, and may be partly or wholly outside of the
+        frame.
+
+        Parameters
+        ----------
+        xywh : (x, y, w, h)
+            Stabilized pixels; (0, 0) is the top left corner of the first pixel.
+        out_wh : (int, int)
+            Width and height of the result, pixels.
+        fill : (3,) floats, optional
+            Color outside of the frame, BGR; its fractions are truncated. By default black.
+
+        Raises
+        ------
+        ArgumentError
+            The rectangle is empty or not finite, or the output size or the color is not one.
+        """
+        x, y, w, h = xywh_floats(xywh, "crop")
+        if not np.isfinite((x, y, w, h)).all() or w <= 0 or h <= 0:
+            raise ArgumentError(f"crop {(x, y, w, h)} is empty or not finite: give x, y, w, h")
+        size_wh = _checked_size(out_wh)
+        across, down = w / size_wh[0], h / size_wh[1]
+        view_from_crop = np.array([[across, 0, x], [0, down, y], [0, 0, 1]])
+        return Crop(self._rectangle((x, y, w, h), size_wh, _color(fill)), view_from_crop)
+
+    def crop_square(
+        self, center_xy: tuple[float, float], side: int, out: int, fill: Sequence[float] | Color
+    ) -> Image:
         """Crop a square of the stabilized frame, resized to (out, out, 3) uint8 BGR.
 
         On a raw view this is the reference trackers' crop (pysot's `get_subwindow`) bit for bit,
@@ -75,35 +185,24 @@ class FrameView:
             Side of the square, stabilized pixels.
         out : int
             Side of the result, pixels.
-        fill : (3,) float64
+        fill : (3,) floats
             Color outside of the frame, BGR; its fractions are truncated.
         """
         # The reference trackers round the corner center - (side + 1) / 2 half up.
         left, top = (int(np.floor(c - (side + 1) / 2 + 0.5)) for c in center_xy)
         if self.is_raw:
             return _subwindow(self.raw, left, top, side, out, _color(fill))
-        return self.crop_rectangle((left, top, side, side), (out, out), fill)
+        return self._rectangle((left, top, side, side), (out, out), _color(fill))
 
-    def crop_rectangle(self, xywh: XYWH, out_wh: tuple[int, int], fill: Color) -> Image:
-        """Crop a rectangle of the stabilized frame, stretched to `out_wh`: (H, W, 3) uint8 BGR.
-
-        The rectangle is not rounded to whole pixels.
-
-        Parameters
-        ----------
-        xywh : (x, y, w, h)
-            Stabilized pixels; (0, 0) is the top left corner of the first pixel.
-        out_wh : (int, int)
-            Width and height of the result, pixels.
-        fill : (3,) float64
-            Color outside of the frame, BGR; its fractions are truncated.
-        """
+    def _rectangle(self, xywh: XYWH, out_wh: tuple[int, int], color: list[float]) -> Image:
+        """A rectangle of the stabilized frame, stretched to `out_wh`: (H, W, 3) uint8 BGR."""
         x, y, w, h = xywh
         across, down = w / out_wh[0], h / out_wh[1]
+        # The center of pixel p is at p + 0.5.
         stab_from_crop = np.array(
             [[across, 0, x + across / 2 - 0.5], [0, down, y + down / 2 - 0.5], [0, 0, 1]]
         )
-        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, out_wh, _color(fill))
+        return _warp(self.raw, self.raw_from_stab @ stab_from_crop, out_wh, color)
 
     def render(self, part: XYWH | None = None) -> Image:
         """Render the stabilized frame with its border: (H + 2N, W + 2N, 3) uint8, black outside.
@@ -134,10 +233,38 @@ class FrameView:
         return rendered
 
 
-def _color(fill: Color) -> list[float]:
-    """The fill color for OpenCV, without its fractions."""
-    color: list[float] = np.trunc(fill).tolist()
+def _color(fill: Sequence[float] | Color | None) -> list[float]:
+    """The fill color for OpenCV, without its fractions; black by default."""
+    if fill is None:
+        return [0.0, 0.0, 0.0]
+    values = finite_array(fill)
+    if values is None or values.shape != (3,):
+        raise ArgumentError(f"fill {short_repr(fill)} is not a color: give three numbers, BGR")
+    color: list[float] = np.trunc(values).tolist()
     return color
+
+
+def _checked_size(size_wh: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of a crop; `ArgumentError` unless they are whole numbers within limits."""
+    sizes = finite_array(size_wh)
+    if (
+        sizes is None
+        or sizes.shape != (2,)
+        or not (sizes == np.clip(np.rint(sizes), 1, _MAX_CROP)).all()
+    ):
+        raise ArgumentError(
+            f"crop size {short_repr(size_wh)}: give (width, height), 1 to {_MAX_CROP} pixels"
+        )
+    width, height = sizes.astype(int).tolist()
+    return width, height
+
+
+def _per_channel(name: str, value: PerChannel) -> NDArray[np.float32]:
+    """One number or three, in a shape that applies to (1, 3, H, W)."""
+    values = finite_array(value)
+    if values is None or values.shape not in ((), (3,)):
+        raise ArgumentError(f"{name} {short_repr(value)}: give one number, or one per channel")
+    return values.astype(np.float32).reshape(-1, 1, 1)
 
 
 def _part_limits(

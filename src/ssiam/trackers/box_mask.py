@@ -65,7 +65,7 @@ class BoxMask:
         # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
         crop_xywh = _enlarged(xywh)
-        crop = view.crop_rectangle(crop_xywh, (CROP_SIDE, CROP_SIDE), fill)
+        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
         return PendingOutline(partial(self._outline, crop, crop_xywh, xywh, view.size_wh, margin))
 
     def _outline(

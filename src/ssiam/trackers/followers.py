@@ -20,7 +20,7 @@ from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig, TargetPredictor
 from ssiam.track import Track
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.lost import LossDetector, ReachableBox
 
 _CONFIDENT: Final = 0.5  # score above which the target is assumed to be in the box
@@ -61,7 +61,7 @@ class FrameStep:
 
 
 class Follower(Protocol):
-    """Follows one target with a `ViewTracker`, in raw-frame pixels.
+    """Follows one target with a `CompleteTracker`, in raw-frame pixels.
 
     Its constructor takes a tracker that has a target, a `StabilizerConfig`, the target's box in
     raw-frame pixels and the target's `LossDetector`. For each frame `advance` is called first, then
@@ -86,7 +86,7 @@ class StabilizedFollower:
 
     Parameters
     ----------
-    tracker : ViewTracker
+    tracker : CompleteTracker
         A tracker that has a target.
     config : StabilizerConfig
     xywh : (x, y, w, h)
@@ -95,7 +95,7 @@ class StabilizedFollower:
     """
 
     def __init__(
-        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
+        self, tracker: CompleteTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
     ) -> None:
         self._tracker = tracker
         self._stabilizer = Stabilizer(config)
@@ -112,7 +112,7 @@ class StabilizedFollower:
     def locate(self, frame: Image, step: FrameStep) -> Track:
         """The target in `frame`, raw-frame pixels."""
         view = FrameView(frame, step.stab_from_raw, self._border)
-        track = self._tracker.track(view)
+        track = self._tracker.update(view)
         self._stab_xywh = track.box
         self._loss.update(track.score)
         if step.motion is None:
@@ -137,7 +137,7 @@ class PredictiveFollower:
 
     Parameters
     ----------
-    tracker : ViewTracker
+    tracker : CompleteTracker
         A tracker that has a target.
     config : StabilizerConfig
     xywh : (x, y, w, h)
@@ -146,7 +146,7 @@ class PredictiveFollower:
     """
 
     def __init__(
-        self, tracker: ViewTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
+        self, tracker: CompleteTracker, config: StabilizerConfig, xywh: XYWH, loss: LossDetector
     ) -> None:
         self._tracker, self._config = tracker, config
         self._prediction = TargetPredictor(config.predict, xywh)
@@ -221,7 +221,7 @@ class PredictiveFollower:
         if self._tracker_is_elsewhere:
             first = self._seek(view, search_xywh)
         else:
-            first = self._tracker.track(view).mapped(view.raw_from_stab, view.size_wh)
+            first = self._tracker.update(view).mapped(view.raw_from_stab, view.size_wh)
         self._tracker_is_elsewhere = False
         tracker = self._tracker
         if (

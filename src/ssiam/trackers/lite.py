@@ -212,12 +212,12 @@ class LiteTracker(SiameseTracker[_Target]):
         min_wh = min_size(state.size_wh)
         self._start(_Target(state, min_wh, kernels, fill, kernels[-1], 0, distractors))
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners if there is a network for them."""
         target, last = self._target, self._target.state
         side = round(SEARCH_SIDE / TEMPLATE_SIDE * last.context_side)
         zoom = SEARCH_SIDE / side
-        crop = view.crop(last.center_xy, side, SEARCH_SIDE, target.fill)
+        crop = view.crop_square(last.center_xy, side, SEARCH_SIDE, target.fill)
         scores, qualities, distances = self._networks.responses(
             crop_tensor(crop), target.kernels, target.recent
         )
@@ -257,7 +257,7 @@ class LiteTracker(SiameseTracker[_Target]):
 
     def _template(self, view: FrameView, state: TargetState, fill: Floats) -> list[Tensor]:
         """Kernels and context of the target in this view."""
-        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
+        crop = view.crop_square(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         return self._networks.template(crop_tensor(crop))
 
     def _update_memory(

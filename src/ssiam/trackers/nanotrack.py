@@ -191,7 +191,7 @@ class NanoTrack(SiameseTracker[_Target]):
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_xywh(xywh)
         fill: Floats = view.raw.mean(axis=(0, 1))
-        crop = view.crop(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
+        crop = view.crop_square(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         size = np.array(state.size_wh) * TEMPLATE_SIDE / state.context_side
         feature = box_feature(kernel, _STRIDE, np.array([0, 0, *size]))
@@ -199,11 +199,11 @@ class NanoTrack(SiameseTracker[_Target]):
         baseline, distractors = RunningBaseline(), DistractorTracker(self._has_distractors)
         self._start(_Target(state, min_wh, kernel, feature, fill, baseline, distractors))
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view."""
         target, last = self._target, self._target.state
         zoom = TEMPLATE_SIDE / last.context_side
-        crop = view.crop(last.center_xy, round(SEARCH_SIDE / zoom), SEARCH_SIDE, target.fill)
+        crop = view.crop_square(last.center_xy, round(SEARCH_SIDE / zoom), SEARCH_SIDE, target.fill)
         (features,) = self._networks.search(crop_tensor(crop))
         score_maps, distances = self._networks.head(target.kernel, features)
         score = foreground_probability(score_maps)

@@ -12,11 +12,11 @@ from typing import Any, Final, Literal, TypeAlias
 
 import cv2
 
-from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError, CopyError, MissingExtraError, TrackingError, one_line
 from ssiam.geometry import XYWH, Image
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.confidence import AppearanceModel, Confidence
 
 OpenCvName: TypeAlias = Literal["csrt", "kcf", "mil"]
@@ -42,7 +42,7 @@ _MIL_MIN_AREA: Final = 9
 _MIL_LOCK = Lock()
 
 
-class OpenCvTracker(DeepCopied):
+class OpenCvTracker(CompleteTracker):
     """One of OpenCV's trackers on the rendered view.
 
     OpenCV's trackers return no score. CSRT and KCF return whether they have found the target; if
@@ -56,8 +56,6 @@ class OpenCvTracker(DeepCopied):
     ----------
     name : {"csrt", "kcf", "mil"}
     """
-
-    center_inset: Final = 1.0
 
     def __init__(self, name: OpenCvName) -> None:
         self._name: OpenCvName = name
@@ -96,7 +94,7 @@ class OpenCvTracker(DeepCopied):
         self._start(view, xywh)
         self._appearance = appearance
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view.
 
         Raises
@@ -138,7 +136,7 @@ class OpenCvTracker(DeepCopied):
 
     def _current_appearance(self) -> AppearanceModel:
         if self._appearance is None:
-            raise ArgumentError("no target yet: call init(view, xywh) before track or seek")
+            raise ArgumentError("no target yet: call init(view, xywh) before update or seek")
         return self._appearance
 
     @property

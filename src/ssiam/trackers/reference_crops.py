@@ -1,8 +1,8 @@
 """The crops of the reference trackers, which differ in the rounding of corners and colors.
 
-All of them call `FrameView.crop`, so they work on stabilized views as well. It computes the corner
-from a center in half pixels, which can express any whole-pixel corner exactly. On a raw view each
-crop equals that of its reference to the bit.
+All of them call `FrameView.crop_square`, so they work on stabilized views as well. It computes the
+corner from a center in half pixels, which can express any whole-pixel corner exactly. On a raw view
+each crop equals that of its reference to the bit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Crop: TypeAlias = Callable[[FrameView, tuple[float, float], int, int, Floats], I
 def pysot_crop(
     view: FrameView, center_xy: tuple[float, float], side: int, out: int, fill: Floats
 ) -> Image:
-    """Crop of STVIR/pysot, with corners rounded half up: the same as `FrameView.crop`.
+    """Crop of STVIR/pysot, with corners rounded half up: the same as `FrameView.crop_square`.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def pysot_crop(
     -------
     (out, out, 3) uint8 BGR
     """
-    return view.crop(center_xy, side, out, fill)
+    return view.crop_square(center_xy, side, out, fill)
 
 
 def siammask_crop(
@@ -48,7 +48,7 @@ def siammask_crop(
 ) -> Image:
     """Crop of foolwood/SiamMask: as `pysot_crop`, but with corners rounded half to even."""
     left, top = (round(c - (side + 1) / 2) for c in center_xy)
-    return view.crop(_center(left, top, side), side, out, fill)
+    return view.crop_square(_center(left, top, side), side, out, fill)
 
 
 def siamfc_crop(
@@ -62,10 +62,10 @@ def siamfc_crop(
     """
     whole = round(side)
     left, top = (int(np.rint(c)) for c in center_xy - np.float32((whole - 1) / 2))
-    crop = view.crop(_center(left, top, whole), whole, out, np.rint(fill[::-1]))
+    crop = view.crop_square(_center(left, top, whole), whole, out, np.rint(fill[::-1]))
     return np.asarray(cv2.cvtColor(crop, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
 def _center(left: int, top: int, side: int) -> tuple[float, float]:
-    """The center from which `FrameView.crop` takes the corner (left, top)."""
+    """The center from which `FrameView.crop_square` takes the corner (left, top)."""
     return left + (side + 1) / 2, top + (side + 1) / 2

@@ -16,11 +16,14 @@ from ssiam.runtime import (
     RuntimeName,
     RuntimeOptions,
 )
-from ssiam.runtime.model_zoo import how_to_get_weights
+from ssiam.runtime.model_zoo import OTHER_WEIGHTS, how_to_get_weights
 from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers import siammask, siamrpn
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker
+from ssiam.trackers.dlib_correlation import DlibName, DlibTracker
+from ssiam.trackers.fear import FearName, FearNetworks, FearXs
 from ssiam.trackers.lite import SHIPPED, LiteName, LiteNetworks, LiteTracker
+from ssiam.trackers.named_classes import entry_point_names, is_class_path, load_named
 from ssiam.trackers.nanotrack import (
     CONFIDENCE,
     PARAMETERS,
@@ -28,7 +31,14 @@ from ssiam.trackers.nanotrack import (
     NanoTrackName,
     NanoTrackNetworks,
 )
+from ssiam.trackers.one_stream import (
+    OneStreamName,
+    OneStreamNetwork,
+    OneStreamTracker,
+    description_file,
+)
 from ssiam.trackers.opencv import OpenCvName, OpenCvTracker
+from ssiam.trackers.opencv_networks import OpenCvNetworkName, OpenCvNetworkTracker
 from ssiam.trackers.siamfc import SiamFc, SiamFcName, SiamFcNetworks
 from ssiam.trackers.siammask import SiamMask, SiamMaskName, SiamMaskNetworks, SiamMaskParameters
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnName, SiamRpnNetworks, SiamRpnParameters
@@ -36,9 +46,20 @@ from ssiam.trackers.stabilized import StabilizedTracker
 from ssiam.trackers.template_memory import TemplateMemoryTracker
 
 SiameseName: TypeAlias = Literal[SiamFcName, SiamRpnName, SiamMaskName]
-TrackerName: TypeAlias = Literal[LiteName, OpenCvName, NanoTrackName, SiameseName]
+TrackerName: TypeAlias = Literal[
+    LiteName,
+    OpenCvName,
+    NanoTrackName,
+    FearName,
+    OneStreamName,
+    OpenCvNetworkName,
+    DlibName,
+    SiameseName,
+]
 TRACKERS: tuple[TrackerName, ...] = get_args(TrackerName)
 DEFAULT_TRACKER: TrackerName = "lite"
+
+_CLASS_FORM: Final = "package.module:Class"
 
 _ANCHOR_PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
     name: parameters
@@ -47,7 +68,7 @@ _ANCHOR_PARAMETERS: Final[dict[str, SiamRpnParameters]] = {
 
 
 def load_tracker(
-    name: TrackerName | None = None,
+    name: TrackerName | str | None = None,
     *,
     weights: str | os.PathLike[str] | None = None,
     stabilize: Method | StabilizerConfig = "predict",
@@ -63,11 +84,13 @@ def load_tracker(
     Parameters
     ----------
     name : str, optional
-        One of `TRACKERS`. The default tracker needs no weights.
+        One of `TRACKERS`; or ``package.module:Class``, or an entry point of the group
+        ``ssiam.trackers``, which runs code of that package. The default tracker needs no weights.
     weights : path, optional
         File or folder of the networks, for trackers that have any: the authors' .pth file, or
         .onnx files. By default those in this package (lite), or those that
-        `ssiam weights import` has stored.
+        `ssiam weights import` has stored. A class of another package gets it as `weights`, and
+        `threads`, if its signature has these parameters.
     stabilize : {"predict", "paper", "literal", "off"} or StabilizerConfig
         "off" runs the tracker alone.
     runtime : {"openvino", "onnxruntime", "torch"}
@@ -109,38 +132,104 @@ def load_tracker(
     >>> tracker.init(frame, (291, 124, 80, 60))
     >>> tracker.update(next_frame).box
     """
-    name = name or DEFAULT_TRACKER
-    check_choice("tracker", name, TRACKERS)
+    name = check_tracker_name(name or DEFAULT_TRACKER)
     options = RuntimeOptions(runtime, threads, precision, device)
     config = StabilizerConfig(stabilize) if isinstance(stabilize, str) else stabilize
     path = None if weights is None else Path(weights)
     if distractors is None:
         distractors = recognizes_distractors(name)
-    tracker = _view_tracker(name, path, options, distractors)
+    if is_named_class(name):
+        tracker = _named_tracker(name, path, options, distractors)
+    else:
+        known = check_choice("tracker", name, TRACKERS)
+        tracker = _view_tracker(known, path, options, distractors)
     if template_memory and not tracker.can_seek:
         raise ArgumentError(f"tracker {name} cannot search around a given box: it has no memory")
     return StabilizedTracker(TemplateMemoryTracker(tracker) if template_memory else tracker, config)
 
 
+def check_tracker_name(name: str) -> str:
+    """The name, if `load_tracker` knows it; nothing is imported.
+
+    Only for names from the command line or from code: a tracker of another package runs code.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither one of `TRACKERS`, nor has the form ``package.module:Class``, nor is the name
+        of an entry point.
+    """
+    if name in TRACKERS or is_class_path(name):
+        return name
+    return check_choice("tracker", name, (*TRACKERS, *entry_point_names(), _CLASS_FORM))
+
+
+def is_named_class(name: str) -> bool:
+    """Whether a checked name is that of another package's class."""
+    return name not in TRACKERS
+
+
+def _named_tracker(
+    name: str, weights: Path | None, options: RuntimeOptions, distractors: bool
+) -> CompleteTracker:
+    if options.precision != "f32" or options.resolved_device != "cpu":
+        raise ArgumentError(
+            f"tracker {name} runs its network by itself: leave precision and device out"
+        )
+    if distractors:
+        raise ArgumentError(f"tracker {name} has no known score map: leave distractors out")
+    return load_named(name, weights, options.threads)
+
+
 def _view_tracker(
     name: TrackerName, weights: Path | None, options: RuntimeOptions, distractors: bool
-) -> ViewTracker:
-    if name == "csrt" or name == "kcf" or name == "mil":
+) -> CompleteTracker:
+    if name == "csrt" or name == "kcf" or name == "mil" or name == "dlib":
         if weights is not None:
             raise WeightsError(f"tracker {name} has no weights: leave {weights} out")
         if options.precision != "f32" or options.resolved_device != "cpu":
             raise ArgumentError(f"tracker {name} has no network: leave precision and device out")
         if distractors:
             raise ArgumentError(f"tracker {name} has no score map: leave distractors out")
-        return OpenCvTracker(name)
+        return DlibTracker() if name == "dlib" else OpenCvTracker(name)
     if name == "lite":
         lite = LiteNetworks.load(weights or SHIPPED, options)
         return LiteTracker(lite, distractors=distractors)
+    if name == "one_stream":
+        if weights is None:
+            raise WeightsError(
+                "tracker one_stream needs weights: give the .toml file that describes a network "
+                "(--weights PATH, weights=PATH; docs/how-to/weights.md)"
+            )
+        if distractors:
+            raise ArgumentError("tracker one_stream has no known score map: leave distractors out")
+        return OneStreamTracker(OneStreamNetwork.load(weights, options))
+    if name == "opencv_vit" or name == "opencv_nano" or name == "opencv_dasiamrpn":
+        return _opencv_network_tracker(name, weights, options, distractors)
     path = _required_weights(name, weights)
     if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
         networks = NanoTrackNetworks.load(name, path, options)
         return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name], distractors=distractors)
+    if name == "fear_xs":
+        return FearXs(FearNetworks.load(path, options), distractors=distractors)
     return load_siamese_tracker(name, path, options, distractors=distractors)
+
+
+def _opencv_network_tracker(
+    name: OpenCvNetworkName, weights: Path | None, options: RuntimeOptions, distractors: bool
+) -> OpenCvNetworkTracker:
+    if options.precision != "f32" or options.resolved_device != "cpu":
+        raise ArgumentError(f"tracker {name} runs on OpenCV: leave precision and device out")
+    if distractors:
+        raise ArgumentError(f"tracker {name} has no known score map: leave distractors out")
+    path = weights_path(name) if weights is None else weights
+    if path is None:
+        brings = "ssiam weights get vittrack, or " if name == "opencv_vit" else ""
+        raise WeightsError(
+            f"tracker {name} needs weights: {brings}give the folder of its .onnx files (--weights "
+            "PATH, weights=PATH; docs/how-to/weights.md)"
+        )
+    return OpenCvNetworkTracker(name, path)
 
 
 def load_siamese_tracker(
@@ -192,17 +281,24 @@ def recognizes_distractors(name: str) -> bool:
 
 
 def has_networks(name: str) -> bool:
-    """Whether a tracker runs networks; OpenCV's trackers do not."""
-    return name not in get_args(OpenCvName)
+    """Whether this package runs networks for a tracker; not for OpenCV's, dlib's and others'."""
+    others = *get_args(OpenCvName), *get_args(OpenCvNetworkName), *get_args(DlibName)
+    return name not in others and not is_named_class(name)
 
 
 def weights_path(name: str, weights: Path | None = None) -> Path | None:
     """The file or folder of weights that `load_tracker` reads; None without any, or if missing."""
-    if not has_networks(name):
+    if name in (*get_args(OpenCvName), *get_args(DlibName)):
         return None
-    if weights is None:
-        weights = SHIPPED if name == "lite" else imported_weights(MODEL_ZOO[name])
-    return weights if weights is not None and weights.exists() else None
+    if weights is None and name == "lite":
+        weights = SHIPPED
+    elif weights is None and name in MODEL_ZOO:
+        weights = imported_weights(MODEL_ZOO[name])
+    elif weights is None and name == "opencv_vit":
+        weights = imported_weights(OTHER_WEIGHTS["vittrack"])
+    if weights is None or not weights.exists():
+        return None
+    return description_file(weights) if name == "one_stream" else weights
 
 
 def imported_weights(published: PublishedWeights) -> Path | None:

@@ -6,7 +6,7 @@ asymmetry of half a pixel between the given box and the reported one.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
@@ -14,12 +14,12 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, Image, map_points
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.base import CompleteTracker
 
 CONTEXT: Final = 0.5  # share of width + height that is added to width and to height
 TEMPLATE_SIDE: Final = 127  # px, side of the template crop
@@ -87,7 +87,7 @@ TargetT = TypeVar("TargetT")
 TrackerT = TypeVar("TrackerT", bound="SiameseTracker[Any]")
 
 
-class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
+class SiameseTracker(CompleteTracker, Generic[TargetT]):
     """Base of the Siamese trackers.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -102,9 +102,8 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
         (`ssiam.trackers.distractors`).
     """
 
-    can_seek: Final = True
-    reseek_below: Final = 0.0
     center_inset = 1.0
+    has_template_feature = True
 
     def __init__(self, distractors: bool = False) -> None:
         self._has_distractors = distractors
@@ -115,7 +114,7 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
         """Take the template from `xywh`."""
 
     @abstractmethod
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view."""
 
     @abstractmethod
@@ -129,7 +128,7 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, searched around `xywh`."""
         self._move_to(xywh)
-        return self.track(view)
+        return self.update(view)
 
     def clone(self: TrackerT) -> TrackerT:
         """A tracker without a target, on the same networks."""
@@ -144,7 +143,7 @@ class SiameseTracker(DeepCopied, ABC, Generic[TargetT]):
     @property
     def _target(self) -> TargetT:
         if self._target_or_none is None:
-            raise ArgumentError("no target yet: call init(view, xywh) before track or seek")
+            raise ArgumentError("no target yet: call init(view, xywh) before update or seek")
         return self._target_or_none
 
 
@@ -243,7 +242,7 @@ def min_size_iou(
 
 
 def crop_corner(center_xy: tuple[float, float], side: int) -> Floats:
-    """Left and top edge (2,) of the square that `FrameView.crop` cuts out, whole pixels."""
+    """Left and top edge (2,) of the square that `FrameView.crop_square` cuts out, whole pixels."""
     return np.floor(np.asarray(center_xy) - (side + 1) / 2 + 0.5)
 
 

@@ -111,6 +111,8 @@ class SiamFc(SiameseTracker[_Target]):
         Whether objects like the target are recognized by their positions.
     """
 
+    score_is_calibrated = False
+
     def __init__(
         self,
         networks: SiamFcNetworks,
@@ -138,7 +140,7 @@ class SiamFc(SiameseTracker[_Target]):
         distractors = DistractorTracker(self._has_distractors)
         self._start(_Target(kernel, fill, center, size, search_side, distractors))
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view.
 
         The score is the sigmoid of the response at the chosen position: the probability in the

@@ -120,7 +120,7 @@ class SiamMask(SiamRpn):
     ) -> None:
         super().__init__(networks, parameters, distractors=distractors)
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""
         last = self._target.state
         found = self._best_candidate(view)

@@ -144,6 +144,8 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         Whether objects like the target are recognized by their positions.
     """
 
+    score_is_calibrated = False
+
     def __init__(
         self,
         networks: SiamRpnNetworks,
@@ -171,7 +173,7 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         kernels = self._networks.template(crop_tensor(crop))
         self._start(AnchorTarget(state, kernels, fill, DistractorTracker(self._has_distractors)))
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view; its score is the chosen candidate's softmax.
 
         The sides of the box are at least 10 pixels. If the candidate is smaller, the score is

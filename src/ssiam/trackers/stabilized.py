@@ -26,9 +26,10 @@ from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
 from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker, ViewTracker
 from ssiam.trackers.blank_frames import BlankFrameDetector
 from ssiam.trackers.followers import Follower, FrameStep, PredictiveFollower, StabilizedFollower
+from ssiam.trackers.foreign import complete
 from ssiam.trackers.lost import LossDetector
 
 # Score up to which the target is considered not visible in a frame whose motion is unknown. Scores
@@ -65,6 +66,8 @@ class StabilizedTracker(NotPicklable):
     Parameters
     ----------
     tracker : ViewTracker
+        Any object with ``init(view, xywh)`` and ``update(view)``; `ssiam.trackers.base` lists what
+        it may have besides.
     config : StabilizerConfig
     """
 
@@ -72,18 +75,31 @@ class StabilizedTracker(NotPicklable):
 
     def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
         _check_config(config)
-        self._tracker = tracker
+        self._tracker = complete(tracker)
         self._config = config
         self._target: _Target | None = None
 
     def __repr__(self) -> str:
         target = "" if self._target is None else ", has_target=True"
-        return f"StabilizedTracker({type(self._tracker).__name__}, {self._config!r}{target})"
+        return f"StabilizedTracker({self._tracker.name}, {self._config!r}{target})"
 
     @property
     def config(self) -> StabilizerConfig:
         """How the frames are stabilized."""
         return self._config
+
+    @property
+    def view_tracker(self) -> CompleteTracker:
+        """The tracker that runs on the stabilized views."""
+        return self._tracker
+
+    @property
+    def score_is_calibrated(self) -> bool:
+        """Whether `Track.score` is the probability that the IoU of the box exceeds 0.5.
+
+        If not, it is the tracker's own score, and a lost target may be reported late or early.
+        """
+        return self._tracker.score_is_calibrated
 
     @property
     def has_target(self) -> bool:
@@ -305,7 +321,7 @@ def _check_config(config: StabilizerConfig) -> None:
         raise ArgumentError(f"config is {short_repr(config)}: give a StabilizerConfig")
 
 
-def _first_box(box: Sequence[float], size_wh: tuple[int, int], tracker: ViewTracker) -> XYWH:
+def _first_box(box: Sequence[float], size_wh: tuple[int, int], tracker: CompleteTracker) -> XYWH:
     """The upright box of `box`, four numbers or the eight of its corners."""
     corners = finite_array(box)
     if corners is None or corners.shape != (8,):

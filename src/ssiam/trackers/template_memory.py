@@ -16,17 +16,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, iou
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
-from ssiam.trackers.base import ViewTracker
+from ssiam.trackers.base import CompleteTracker, ViewTracker
+from ssiam.trackers.foreign import complete
 
 Floats = NDArray[np.float64]
 
@@ -82,14 +82,6 @@ class MemoryParameters:
 PARAMETERS: Final = MemoryParameters()
 
 
-@runtime_checkable
-class HasTemplateFeature(Protocol):
-    """A tracker whose template has features of a network."""
-
-    def template_feature(self) -> Floats:
-        """The features of the template, (n,) float64; the tracker has a target."""
-
-
 def selected_slot(
     features: Sequence[Floats], feature: Floats, capacity: int, min_novelty: float
 ) -> int | None:
@@ -135,7 +127,7 @@ def diversity(features: Sequence[Floats]) -> float:
 
 @dataclass
 class _Template:
-    tracker: ViewTracker
+    tracker: CompleteTracker
     feature: Floats  # unit vector, relative to the surroundings
 
 
@@ -166,7 +158,7 @@ class _Target:
         return templates[self.turn % len(templates)]
 
 
-class TemplateMemoryTracker(DeepCopied):
+class TemplateMemoryTracker(CompleteTracker):
     """Any tracker that can seek, with a short-term and a long-term memory of templates.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -186,19 +178,19 @@ class TemplateMemoryTracker(DeepCopied):
     """
 
     def __init__(self, tracker: ViewTracker, parameters: MemoryParameters = PARAMETERS) -> None:
-        if not tracker.can_seek:
+        completed = complete(tracker)
+        if not completed.can_seek:
             raise ArgumentError(
-                f"{type(tracker).__name__} cannot search around a given box: leave the template "
-                "memory out"
+                f"{completed.name} cannot search around a given box: leave the template memory out"
             )
-        self._tracker = tracker
+        self._tracker = completed
         self._parameters = parameters
         self._target_or_none: _Target | None = None
 
     @property
-    def can_seek(self) -> bool:
-        """Whether the tracker can search around a given box."""
-        return self._tracker.can_seek
+    def score_is_calibrated(self) -> bool:
+        """As for the tracker."""
+        return self._tracker.score_is_calibrated
 
     @property
     def reseek_below(self) -> float:
@@ -224,11 +216,11 @@ class TemplateMemoryTracker(DeepCopied):
         first = _relative(self._feature(view, xywh, self._tracker), surroundings)
         self._target_or_none = _Target(xywh, surroundings, first)
 
-    def track(self, view: FrameView) -> Track:
+    def update(self, view: FrameView) -> Track:
         """The target in the next view: the box of the first or of one further template."""
         target, last = self._target, self._target.xywh
         elsewhere = target.tracker_is_elsewhere
-        first = self._tracker.seek(view, last) if elsewhere else self._tracker.track(view)
+        first = self._tracker.seek(view, last) if elsewhere else self._tracker.update(view)
         track = self._best(view, first, last)
         self._learn(view, track)
         return track
@@ -262,24 +254,24 @@ class TemplateMemoryTracker(DeepCopied):
     @property
     def _target(self) -> _Target:
         if self._target_or_none is None:
-            raise ArgumentError("no target yet: call init(view, xywh) before track or seek")
+            raise ArgumentError("no target yet: call init(view, xywh) before update or seek")
         return self._target_or_none
 
-    def _started(self, view: FrameView, xywh: XYWH) -> ViewTracker:
+    def _started(self, view: FrameView, xywh: XYWH) -> CompleteTracker:
         """A clone whose template is in `xywh`."""
         tracker = self._tracker.clone()
         tracker.init(view, xywh)
         return tracker
 
-    def _feature(self, view: FrameView, xywh: XYWH, started: ViewTracker | None = None) -> Floats:
+    def _feature(
+        self, view: FrameView, xywh: XYWH, started: CompleteTracker | None = None
+    ) -> Floats:
         """The features of a template in `xywh`; `started` is a tracker that has this template."""
-        if isinstance(self._tracker, HasTemplateFeature):
-            tracker = started or self._started(view, xywh)
-            assert isinstance(tracker, HasTemplateFeature)
-            return tracker.template_feature()
+        if self._tracker.has_template_feature:
+            return (started or self._started(view, xywh)).template_feature()
         x, y, w, h = xywh
         side = max(round(max(w, h)), 1)
-        patch = view.crop((x + w / 2, y + h / 2), side, _PATCH, np.zeros(3))
+        patch = view.crop_square((x + w / 2, y + h / 2), side, _PATCH, np.zeros(3))
         return patch.ravel().astype(np.float64)
 
     def _best(self, view: FrameView, first: Track, around_xywh: XYWH) -> Track:

@@ -13,6 +13,7 @@ from ssiam.outputs import check_distinct, make_folder, output_error
 from ssiam.runtime import MODEL_ZOO, RuntimeOptions
 from ssiam.runtime.files import cache_folder, sha256, weights_sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
+from ssiam.trackers.fear import FearNetworks, fear_pair
 from ssiam.trackers.nanotrack import NanoTrackName, NanoTrackNetworks, onnx_pair
 
 _SIAMMASK: Final = "siammask_r50_l3"
@@ -44,8 +45,8 @@ def import_weights(
     Parameters
     ----------
     source : Path
-        The authors' .pth file, their folder of it, a folder of NanoTrack's two .onnx files, or a
-        folder that `ssiam weights export` has written.
+        The authors' .pth file, their folder of it, a folder of the two .onnx files of NanoTrack or
+        FEAR-XS, or a folder that `ssiam weights export` has written.
     tracker : str, optional
         For weights that several trackers could use. By default the one with the network's name;
         for the files of SiamMask's authors the one that their names say.
@@ -97,16 +98,25 @@ def _network_of(file: Path) -> str:
     exported = find_export(file)
     if exported is not None:
         return Manifest.read(exported).network
+    if _is_fear(file):
+        FearNetworks.load(file, RuntimeOptions())  # raises: they are damaged or of another network
+        return "fear_xs"
     if file.suffix == ".onnx":
         raise WeightsError(
             f"weights {file} are ONNX without a {MANIFEST_FILE} beside them: give the folder of "
-            "NanoTrack's two files, or the file to a tracker directly"
+            "NanoTrack's or FEAR-XS's two files, or the file to a tracker directly"
         )
     if file.is_dir():
         return _nanotrack_of(file)
     from ssiam.networks import read_checkpoint
 
     return read_checkpoint(file).name
+
+
+def _is_fear(path: Path) -> bool:
+    """Whether this is the folder of FEAR-XS's two .onnx files, or one of them."""
+    is_named = path.name.startswith("fear_") and path.suffix == ".onnx"
+    return (path.is_dir() and any(path.glob("fear_*.onnx"))) or (path.is_file() and is_named)
 
 
 def _nanotrack_of(path: Path) -> str:
@@ -156,6 +166,8 @@ def _store(file: Path, network: str, name: str, target: Path, replace: bool) -> 
         copy_files([*pieces, exported / MANIFEST_FILE], target)
     elif network.startswith("nanotrack"):
         copy_files(onnx_pair(file), target)
+    elif network == "fear_xs":
+        copy_files(fear_pair(file), target)
     else:
         from ssiam.runtime.export import export_network
 

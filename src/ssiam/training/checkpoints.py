@@ -20,8 +20,8 @@ from ssiam.outputs import NamedPath, atomic_write, check_distinct, leftover_part
 from ssiam.parsing import parse_json
 from ssiam.runtime.files import sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, OPSET, Manifest, atomic_export, leftover_exports
+from ssiam.toml_tables import from_table
 from ssiam.trackers.lite import NETWORK
-from ssiam.training.config import from_table
 from ssiam.training.metrics import METRICS
 from ssiam.training.settings import WEIGHTS, TrainSettings
 from ssiam.training.students import AnyNetwork, build_network

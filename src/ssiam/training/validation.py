@@ -100,7 +100,7 @@ def _track(tracker: LiteTracker, sequence: VideoSequence, count: int) -> list[tu
     """The boxes of the first `count` frames; the first one is the true box."""
     frames = islice(sequence.images(), count)
     tracker.init(FrameView(next(frames)), sequence.box(0))
-    return [sequence.box(0), *(tracker.track(FrameView(frame)).box for frame in frames)]
+    return [sequence.box(0), *(tracker.update(FrameView(frame)).box for frame in frames)]
 
 
 def _tracker(network: LiteNetwork) -> LiteTracker:

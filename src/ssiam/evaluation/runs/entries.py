@@ -13,8 +13,9 @@ from ssiam.stabilize import Method, StabilizerConfig
 from ssiam.trackers import (
     TRACKERS,
     StabilizedTracker,
-    TrackerName,
+    check_tracker_name,
     has_networks,
+    is_named_class,
     load_tracker,
     recognizes_distractors,
 )
@@ -39,6 +40,7 @@ class Entry:
     Attributes
     ----------
     tracker : str
+        One of `TRACKERS`, or another name that `load_tracker` knows.
     config : StabilizerConfig
     weights : Path, optional
     options : RuntimeOptions
@@ -48,7 +50,7 @@ class Entry:
         As for `load_tracker`.
     """
 
-    tracker: TrackerName
+    tracker: str
     config: StabilizerConfig
     weights: Path | None = None
     options: RuntimeOptions = DEFAULT_OPTIONS
@@ -64,7 +66,7 @@ class Entry:
         if self.distractors not in (None, recognizes_distractors(self.tracker)):
             changed["distractors"] = self.distractors
         settings = [f"{name}={value}" for name, value in changed.items()]
-        return "-".join([self.tracker, self.config.stabilize, *settings])
+        return "-".join([self.tracker.replace(":", "."), self.config.stabilize, *settings])
 
     def load(self) -> StabilizedTracker:
         """Load the tracker, without a target."""
@@ -110,24 +112,31 @@ def entries(
     *,
     template_memory: bool = False,
     distractors: bool | None = None,
+    named_classes: bool = False,
 ) -> list[Entry]:
     """Every tracker with every method; `weights` maps tracker names to files or folders.
 
-    Of `options`, only the threads apply to trackers without networks; `template_memory` and
-    `distractors` do not apply to them.
+    Of `options`, only the threads apply to trackers without networks and to classes of other
+    packages; `distractors` does not apply to them, nor `template_memory` to the former. With
+    `named_classes` the names may be those of such classes, whose code the entries run.
 
     Raises
     ------
     ArgumentError
         Unknown tracker.
     """
+    for name in trackers:
+        if named_classes:
+            check_tracker_name(name)
+        else:
+            check_choice("tracker", name, TRACKERS)
     return [
         Entry(
-            check_choice("tracker", name, TRACKERS),
+            name,
             StabilizerConfig(method),
             weights.get(name),
             options_for(name, options),
-            template_memory and has_networks(name),
+            template_memory and (has_networks(name) or is_named_class(name)),
             distractors if has_networks(name) else None,
         )
         for name in trackers

@@ -117,7 +117,7 @@ class BoxProposer:
         corner = np.array(box[:2]) - (CONTEXT - 1) / 2 * np.array(box[2:])
         sides = CONTEXT * np.array(box[2:])
         crop_xywh = float(corner[0]), float(corner[1]), float(sides[0]), float(sides[1])
-        crop = view.crop_rectangle(crop_xywh, (CROP_SIDE, CROP_SIDE), fill)
+        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
         (logits,) = self._network(crop_tensor(crop))
         mask = logits[0, 0] > 0
         cells = mask.shape[0]
