@@ -163,9 +163,14 @@ def test_no_frames():
     [
         pytest.param("", 3, "the TraX client disconnected", id="disconnects"),
         pytest.param("frame", 3, "the TraX client disconnected", id="frame without an image"),
-        pytest.param('frame "file://PATH"', 2, "no target yet", id="frame before a target"),
         pytest.param(
-            'initialize "nonsense"\n@@TRAX:frame "file://PATH"', 2, "'special'", id="not a region"
+            'frame "file://PATH"', 3, "before it started a target", id="frame before a target"
+        ),
+        pytest.param(
+            'initialize "nonsense"\n@@TRAX:frame "file://PATH"',
+            3,
+            "violated the protocol",
+            id="not a region",
         ),
     ],
 )

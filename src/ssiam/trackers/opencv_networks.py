@@ -17,7 +17,8 @@ from ssiam.errors import (
     one_line,
 )
 from ssiam.geometry import XYWH
-from ssiam.runtime.onnx_files import check_onnx, damaged_error
+from ssiam.runtime.files import damaged_error
+from ssiam.runtime.onnx_files import check_onnx
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker

@@ -135,6 +135,8 @@ def _with_defaults(values: Any) -> Any:
             for table, names in _REMOVED.items():
                 for name in names:
                     (values[table] or {}).pop(name, None)
+            if values["network"]["kind"] == "mask":
+                values["network"].pop("frozen_steps", None)  # unused; its default was another
             values["network"]["kind"] = values["network"]["kind"].replace("lite2", "lite")
         return _as_json(from_table(TrainSettings, _without_none(values)))
     except (ArgumentError, AttributeError, KeyError, TypeError):  # of another version

@@ -173,8 +173,9 @@ def _is_readable(line: bytes) -> bool:
     words = _ARGUMENT.findall(line)
     if b"" in words or b'"' in _ARGUMENT.sub(b"", line):
         return False
-    is_start = line.startswith(_START)
-    return not is_start or (bool(words) and _REGION.fullmatch(words[0]) is not None)
+    # The official client sends a start without a region before one with a polygon.
+    is_start = line.startswith(_START) and bool(words)
+    return not is_start or _REGION.fullmatch(words[0]) is not None
 
 
 def _start_box(region: Any) -> list[float]:
