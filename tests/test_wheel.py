@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
+import shutil
 import subprocess
 import sys
 from email import message_from_string
@@ -23,9 +24,9 @@ ROOT = Path(__file__).parents[1]
 SECONDS = 240
 
 
-def pip(*arguments):
+def pip(*arguments, env=None):
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, env=env)
     if "No matching distribution found for hatchling" in done.stderr:
         pytest.skip("pip cannot get hatchling, which builds the wheel: pip install hatchling")
     assert done.returncode == 0, done.stderr
@@ -63,6 +64,40 @@ def run(installed, tmp_path):
 def test_the_program_tells_its_version(run, installed):
     for command in (["-m", "ssiam"], [installed / "bin" / "ssiam"]):
         assert run(*command, "--version") == f"{ssiam.__version__}\n"
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_kernel_is_compiled_for_the_platform_alone(run, installed):
+    assert run("-m", "ssiam", "--version", "-v").splitlines()[1] == "camera motion: compiled"
+    (wheel,) = installed.glob("ssiam-*.dist-info/WHEEL")
+    tags = message_from_string(wheel.read_text(encoding="utf-8")).get_all("Tag")
+    assert [tag.rsplit("-", 1)[0] for tag in tags] == ["py3-none"]
+    assert not tags[0].endswith("-any")
+
+
+def test_without_a_compiler_the_installation_is_whole_and_says_so_once(tmp_path):
+    built = tmp_path / "built"
+    here = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
+    environment = os.environ | {"CC": "no-such-compiler"}
+    pip("wheel", "--no-deps", *here, "-w", built, ROOT, env=environment)
+    (wheel,) = built.glob("*.whl")
+    assert wheel.name.endswith("-py3-none-any.whl")
+    pip("install", "--no-deps", "--target", tmp_path / "target", wheel)
+    code = (
+        "import numpy as np, ssiam\n"
+        "frame = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)\n"
+        "for _ in range(2):\n"
+        "    camera = ssiam.CameraMotion(); camera.update(frame); print(camera.update(frame))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "target")},
+    )
+    assert done.stdout.count("Motion(dx=0.0, dy=0.0") == 2, done.stderr
+    assert done.stderr.count("camera motion runs in NumPy") == 1
 
 
 def test_the_default_tracker_runs(run, installed):

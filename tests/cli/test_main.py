@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+import ssiam
 from ssiam.cli import main
 from ssiam.cli.main import app
 
@@ -31,6 +32,15 @@ def test_overview_contains_each_summary(capsys, arguments):
 def test_unknown_command_is_named(capsys):
     assert main(["follow"]) == 2
     assert '"follow"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("flag", ["-v", "--verbose"])
+def test_the_version_with_what_the_camera_motion_runs_on(flag, capsys, monkeypatch):
+    monkeypatch.setenv("SSIAM_KERNEL", "numpy")
+    assert main(["--version", flag]) == 0
+    version, motion = capsys.readouterr().out.splitlines()
+    assert version == ssiam.__version__
+    assert motion.startswith("camera motion: NumPy (")
 
 
 def test_an_error_of_the_network_is_not_blamed_on_the_output(monkeypatch):

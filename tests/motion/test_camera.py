@@ -168,7 +168,8 @@ class Recorded:
 def recorded(monkeypatch):
     made = []
 
-    def new(self, frame):
+    def new(self, frame, area):
+        frame = area.of(frame)
         made.append(Recorded((frame.shape[1], frame.shape[0])))
         return made[-1]
 

@@ -66,7 +66,7 @@ class Pair:
         builder = PyramidBuilder(SIZE)
         self.estimator = CoarseEstimator(builder)
         pyramids = [builder.from_frame(frame) for frame in (prev, cur)]
-        self.pairs = [(each, self.estimator.template(each.coarse)) for each in pyramids]
+        self.pairs = [(each, self.estimator.grid.template(each.coarse)) for each in pyramids]
 
     def shift(self, boxes=NO_BOXES, visible=None, scene=None):
         """dx and dy of the center, px of the frame."""

@@ -235,6 +235,17 @@ INLINE void halve(const uint8_t *image, int width, int height, uint8_t *out)
     }
 }
 
+/* Ask for a row of a frame before it is read: frames are larger than the caches. */
+INLINE void prefetch_row(const uint8_t *row, int bytes)
+{
+#if defined(__GNUC__)
+    for (int at = 0; at < bytes; at += 64)
+        __builtin_prefetch(row + at);
+#else
+    (void)row, (void)bytes;
+#endif
+}
+
 EXPORT FOR_EACH_CPU void ssiam_coarser(const Reduction *to, const uint8_t *fine, uint8_t *coarse,
                                        uint8_t *tiny)
 {
@@ -250,6 +261,10 @@ EXPORT FOR_EACH_CPU void ssiam_pyramid(const Reduction *to, const uint8_t *frame
         const uint8_t *top = frame + to->top[y] * row_bytes;
         const uint8_t *bottom = to->top[y] < to->height - 1 ? top + row_bytes : top;
         uint8_t *row = to->resized + y * to->fine_width;
+        int ahead = to->top[y + 2 < to->fine_height ? y + 2 : y];
+        prefetch_row(frame + ahead * row_bytes, to->channels * to->width);
+        if (ahead < to->height - 1)
+            prefetch_row(frame + (ahead + 1) * row_bytes, to->channels * to->width);
         if (to->channels == 1)
             resize_gray(to, top, bottom, (uint32_t)to->bottom_weight[y], row);
         else

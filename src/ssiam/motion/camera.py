@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssiam.copying import DeepCopied, NotPicklable
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import Image, check_frame, finite_array, short_repr
-from ssiam.motion.content import ContentDetector
+from ssiam.motion.content import Area, ContentDetector
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.keypoints import GeneratorName, KeypointGenerator, KeypointMotion
@@ -62,11 +62,15 @@ class CameraMotion(DeepCopied):
         rigid part.
     spread : bool
         Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
+    mask : (H, W) bool or uint8, optional
+        Set (not 0) where the frames show what moves with the camera, such as the own vehicle or a
+        display; raw-frame pixels. These pixels are not used. For "direct" only.
 
     Raises
     ------
     ArgumentError
-        A name is not one of the choices, or `spread` is not True or False.
+        A name is not one of the choices, `spread` is not True or False, or `mask` is not such an
+        array, or given with keypoints.
 
     Examples
     --------
@@ -82,6 +86,7 @@ class CameraMotion(DeepCopied):
         fit: FitName = "robust",
         model: ModelName = "similarity",
         spread: bool = True,
+        mask: ArrayLike | None = None,
     ) -> None:
         self._keypoints: KeypointName = check_choice("keypoints", keypoints, KEYPOINTS)
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
@@ -89,6 +94,9 @@ class CameraMotion(DeepCopied):
         if not isinstance(spread, bool):
             raise ArgumentError(f"spread is {short_repr(spread)}: it must be True or False")
         self._spread = spread
+        self._mask = None if mask is None else _checked_mask(mask)
+        if self._mask is not None and keypoints != "direct":
+            raise ArgumentError(f'mask is given with keypoints {keypoints!r}: use "direct"')
         self._size_wh: tuple[int, int] | None = None
         self._content: ContentDetector | None = None
         self._estimator: _Estimator | None = None
@@ -127,16 +135,23 @@ class CameraMotion(DeepCopied):
         Raises
         ------
         ArgumentError
-            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not valid.
+            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not valid, or the mask
+            has another size than the frame.
         FrameSizeError
             The frame has another size than the first one.
         """
         size_wh, boxes = check_frame(frame, self._size_wh), _low_high_boxes(exclude)
+        if self._mask is not None and self._mask.shape != frame.shape[:2]:
+            height, width = self._mask.shape
+            raise ArgumentError(
+                f"the mask has {width}x{height} pixels: give one of {size_wh[0]}x{size_wh[1]}, as "
+                "the frames have"
+            )
         given = None if motion is None else as_motion(motion, size_wh)
         if self._content is None:
             content = ContentDetector(size_wh)
             content.update(frame)
-            self._estimator = self._new_estimator(content.area.of(frame))
+            self._estimator = self._new_estimator(frame, content.area)
             self._size_wh, self._content = size_wh, content
             return given or Motion.none(size_wh, reliable=True)
         return self._motion_within(self._content, frame, boxes, given)
@@ -162,14 +177,15 @@ class CameraMotion(DeepCopied):
         elif not changed:
             estimator.set_previous(area.of(frame))
         if changed:
-            self._estimator = self._new_estimator(content.area.of(frame))
+            self._estimator = self._new_estimator(frame, content.area)
         return motion
 
-    def _new_estimator(self, frame: Image) -> _Estimator:
-        """An estimator for frames of the size of `frame`, which is its first previous frame."""
+    def _new_estimator(self, frame: Image, area: Area) -> _Estimator:
+        """An estimator for this part of the frames; that of `frame` is its first previous one."""
+        frame, mask = area.of(frame), None if self._mask is None else area.of(self._mask)
         size_wh = frame.shape[1], frame.shape[0]
         if self._keypoints == "direct":
-            estimator: _Estimator = DirectMotion(size_wh, self._model)
+            estimator: _Estimator = DirectMotion(size_wh, self._model, mask)
         else:
             generator = KeypointGenerator(self._keypoints)
             estimator = KeypointMotion(size_wh, generator, self._fit, self._model, self._spread)
@@ -251,6 +267,17 @@ class PrefetchingCameraMotion(NotPicklable):
         self._started = None
         estimated = estimate.result()
         return given or estimated
+
+
+def _checked_mask(mask: Any) -> Image:
+    """A mask (H, W) of 0 and 255."""
+    array = np.asarray(mask) if isinstance(mask, np.ndarray | list | tuple) else np.empty(0)
+    if array.ndim != 2 or not array.size or array.dtype not in (np.bool_, np.uint8):
+        raise ArgumentError(
+            f"mask is {short_repr(mask)}: give a (height, width) array of bool or uint8, set where "
+            "the frames are static"
+        )
+    return np.where(array, 255, 0).astype(np.uint8)
 
 
 def _low_high_boxes(exclude: Any) -> NDArray[np.float64]:

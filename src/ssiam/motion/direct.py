@@ -73,9 +73,13 @@ class DirectMotion:
     size_wh : (int, int)
         Width and height of the frames, pixels.
     model : {"rigid", "similarity", "affine", "homography"}
+    mask : (H, W) uint8, optional
+        255 at pixels that are not used, else 0.
     """
 
-    def __init__(self, size_wh: tuple[int, int], model: ModelName) -> None:
+    def __init__(
+        self, size_wh: tuple[int, int], model: ModelName, mask: Image | None = None
+    ) -> None:
         kernel.report_absence()
         self._size_wh = size_wh
         self._builder = builder = PyramidBuilder(size_wh)
@@ -83,6 +87,11 @@ class DirectMotion:
         self._grid = Grid(builder.fine_wh, builder.fine_from_unit, _STRIDE, _SIDE, model)
         self._overlays = OverlayDetector(self._grid)
         self._too_small = self._coarse.grid.cells == 0
+        self._used: Floats | None = None  # (cells,) 0 for cells under the mask, else 1
+        self._coarse_used: Floats | None = None
+        if mask is not None and not self._too_small:
+            self._used = _unmasked(mask, self._grid, builder.fine_wh)
+            self._coarse_used = _unmasked(mask, self._coarse.grid, builder.coarse_wh)
         self._prev: _FrameData | None = None
         self._spare: _FrameData | None = None  # its arrays are used for the next frame
 
@@ -114,11 +123,12 @@ class DirectMotion:
             (cur.pyramid, cur.coarse),
             unit_boxes,
             not_overlay.reshape(self._grid.shape),
-            prev.coarse_scene,
+            _product(prev.coarse_scene, self._coarse_used),
         )
         background_share = self._grid.background_share(unit_boxes) * not_overlay
-        if prev.scene is not None:
-            background_share *= prev.scene
+        scene = _product(prev.scene, self._used)
+        if scene is not None:
+            background_share *= scene
         settings = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
         aligned = align(prev.fine, cur.pyramid.fine, start, background_share, settings)
         motion = self._checked(prev.fine, aligned, background_share)
@@ -175,6 +185,20 @@ class DirectMotion:
             and max(x.max() - x.min(), y[-1] - y[0]) >= _MIN_SPREAD  # cells are in row order
         )
         return motion if reliable and motion.is_plausible else Motion.none(self._size_wh)
+
+
+def _unmasked(mask: Image, grid: Grid, level_wh: tuple[int, int]) -> Floats:
+    """(cells,) 0 for cells that a mask (H, W) of 0 and 255 touches, with its rim, else 1."""
+    reduced = cv2.resize(mask, level_wh, interpolation=cv2.INTER_AREA)
+    inside = without_rim(np.where(reduced > 0, 255, 0).astype(np.uint8))
+    return (grid.mask_share(inside) >= 1 - _MAX_RIM).astype(np.float32)
+
+
+def _product(first: Floats | None, second: Floats | None) -> Floats | None:
+    """Product of two shares (cells,), of which None is 1."""
+    if first is None or second is None:
+        return second if first is None else first
+    return np.asarray(first * second, dtype=np.float32)
 
 
 class OverlayDetector:

@@ -133,7 +133,7 @@ def report_absence() -> None:
     """Log, once in a process, that the kernel was not built."""
     if _LIBRARY is None:
         _LOG.warning(
-            "camera motion runs in NumPy, at a third of the speed: install a C compiler (gcc or "
+            "camera motion runs in NumPy, at half of the speed: install a C compiler (gcc or "
             "clang), then ssiam again"
         )
 
