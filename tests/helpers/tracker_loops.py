@@ -80,7 +80,7 @@ def recorded_crop_sides(monkeypatch):
         sides.append(side)
         return crop(view, center_xy, side, out, fill)
 
-    monkeypatch.setattr(FrameView, "crop", recording)
+    monkeypatch.setattr(FrameView, "crop_square", recording)
     return sides
 
 

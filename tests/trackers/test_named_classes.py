@@ -1,5 +1,6 @@
 """Trackers by ``package.module:Class`` and by entry points; which sources of names refuse them."""
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -124,6 +125,34 @@ def test_names_from_elsewhere_run_no_code(others, tmp_path, monkeypatch):
             cvat_agent.create(tracker=name)
         with pytest.raises(ArgumentError, match="unknown tracker"):
             entries([name], ["off"], {})
+    assert others not in sys.modules
+
+
+def test_a_message_of_a_page_names_no_tracker(others):
+    """The words of a page are boxes, numbers and methods; a field "tracker" is ignored."""
+    from ssiam.web.server.incoming import parse_message
+
+    name = f"{others}:Still"
+    for text in (
+        {"type": "steady", "method": name},
+        {"type": "tracker", "name": name},
+        {"type": "load", "tracker": name},
+    ):
+        with pytest.raises(ssiam.SsiamError):
+            parse_message(json.dumps(text))
+    message = parse_message(json.dumps({"type": "steady", "method": "off", "tracker": name}))
+    assert name not in repr(message)
+    assert others not in sys.modules
+
+
+def test_a_description_of_a_network_names_no_class(others, tmp_path):
+    from ssiam.toml_tables import read_toml
+    from ssiam.trackers.one_stream import OneStreamDescription
+
+    path = tmp_path / "tracker.toml"
+    path.write_text(f'network = "{others}:Still"\n')
+    with pytest.raises(ArgumentError, match=r"name an \.onnx file"):
+        read_toml(OneStreamDescription, path)
     assert others not in sys.modules
 
 

@@ -118,7 +118,7 @@ def test_an_opencv_without_the_tracker_is_named(tmp_path, monkeypatch):
         OpenCvNetworkTracker("opencv_vit", tmp_path)
 
 
-def test_nano_runs_the_authors_files(shared):
+def test_nano_runs_the_authors_files(shared, capfd):
     """OpenCV's own loop, with the weights of NanoTrack v2."""
     weights = shared("data/weights/nanotrackv2")
     tracker = ssiam.load_tracker("opencv_nano", weights=weights, stabilize="off")
@@ -126,3 +126,4 @@ def test_nano_runs_the_authors_files(shared):
     track = tracker.update(FRAME)
     assert track.box == pytest.approx(BOX, abs=8)
     assert 0 <= track.score <= 1
+    assert capfd.readouterr().err == ""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
@@ -146,9 +147,21 @@ def _new_tracker(name: OpenCvNetworkName, weights: Path) -> Any:
         check_onnx(path)
         setattr(parameters, field, str(path))
     try:
-        return getattr(cv2, title).create(parameters)
+        with _without_log():
+            return getattr(cv2, title).create(parameters)
     except cv2.error as error:
         raise damaged_error(next(iter(files.values()))) from error
+
+
+@contextmanager
+def _without_log() -> Iterator[None]:
+    """OpenCV without its log: OpenCV 5 warns of a setting that its trackers make by themselves."""
+    logging = cv2.utils.logging
+    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        logging.setLogLevel(before)
 
 
 def _files(name: str, weights: Path, patterns: dict[str, str]) -> dict[str, Path]:
