@@ -1,14 +1,15 @@
 """Fit of each tracker's confidence score, and how well it separates right and wrong boxes.
 
     python benchmarks/calibration/confidence.py [--trackers nanotrack_v3,...] [--every N] [--jobs N]
-        [--data FOLDER [--short]]
+        [--data FOLDER [--short]] [--tracks CONFIG]
 
 Runs every tracker on clips whose target is absent for a while (benchmarks/lost/clips.py), with and
 without camera shake, fits P(overlap > .5) to its evidence by logistic regression with equal weight
 for each sequence and outcome, and prints the parameters of the tracker's `Confidence`. The quality
 is measured on each sequence with a fit to the others. The clips are made of the sequences of the
 folder of test data (see benchmarks/common/data.py), or of another folder; --short is for sequences
-of 50 to 100 frames.
+of 50 to 100 frames. --tracks adds, for lite, the named datasets of the [[validation.held_out]] of a
+training config: each track, and one frame of another track, in which the target is absent.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ from numpy.typing import NDArray
 
 import ssiam
 from ssiam.geometry import iou
+from ssiam.runtime import RuntimeOptions
+from ssiam.stabilize import FrameView
+from ssiam.trackers.lite import SHIPPED, LiteNetworks, LiteTracker
+from ssiam.training.config import read_config
+from ssiam.training.validation import held_out_sequences
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import SEQUENCES, sequences
@@ -63,6 +69,30 @@ def evidence(tracker: ssiam.StabilizedTracker, clip: AbsenceClip) -> Floats:
             right = known and iou(np.array([track.box]), clip.truth[index : index + 1])[0] > RIGHT
             rows.append([float(right), float(absent), *track.evidence])
     return np.array(rows)
+
+
+def rows_of_tracks(config: Path) -> tuple[Floats, list[str]]:
+    """As `rows_of`, of the held-out tracks of a training config; tracked by lite with off."""
+    validation = read_config(config).validation
+    tracks = [
+        track
+        for held_out in (validation.held_out if validation else ())
+        if held_out.name
+        for track in held_out_sequences(held_out)
+    ]
+    tracker = LiteTracker(LiteNetworks.load(SHIPPED, RuntimeOptions()), masks=False)
+    rows, names = [], []
+    for track, other in zip(tracks, np.roll(np.array(tracks, object), 1 + len(tracks) // 2)):
+        views = [FrameView(image) for image, _ in zip(track.images(), track.truth, strict=False)]
+        tracker.init(views[0], track.box(0))
+        for index, view in enumerate(views[1:], 1):
+            found, truth = tracker.update(view), np.array([track.box(index)])
+            right = iou(np.array([found.box]), truth)[0] > RIGHT
+            rows.append([float(right), 0.0, *found.evidence])
+        absent = tracker.seek(FrameView(next(other.images())), other.box(0))
+        rows.append([0.0, 1.0, *absent.evidence])
+        names += [track.name[:6]] * len(views)
+    return np.array(rows), names
 
 
 def fitted(x: Floats, right: Floats, weight: Floats) -> Floats:
@@ -121,6 +151,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--data", type=Path, default=SEQUENCES)
     parser.add_argument("--short", action="store_true", help="short absences")
+    parser.add_argument("--tracks", type=Path, help="training config, for lite")
     options = parser.parse_args()
     timing = SHORT_TIMING if options.short else TIMING
     videos = sequences(options.data)
@@ -131,6 +162,8 @@ def main() -> None:
     for name in options.trackers.split(","):
         parts = [clips[job :: options.jobs] for job in range(options.jobs)]
         found = joblib.Parallel(options.jobs)(joblib.delayed(rows_of)(name, part) for part in parts)
+        if options.tracks and name == "lite":
+            found.append(rows_of_tracks(options.tracks))
         rows = np.concatenate([own for own, _ in found])
         groups = np.array([sequence for _, names in found for sequence in names])
         right, x = rows[:, 0], rows[:, 2:]

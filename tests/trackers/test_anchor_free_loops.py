@@ -152,7 +152,7 @@ def test_defaults_of_lite():
     networks = lite_tracker()[1]
     tracker = LiteTracker(networks)
     assert (tracker._parameters, tracker._confidence) == (lite.PARAMETERS, lite.CONFIDENCE)
-    assert tracker._memory == Memory(interval=5, min_score=0.6, max_distractor_share=0.5)
+    assert tracker._memory == Memory(interval=0, min_score=0.6, max_distractor_share=0.5)
     assert tracker._has_distractors
     assert tracker._box_mask is None
 
