@@ -82,7 +82,8 @@ def rows_of_tracks(config: Path) -> tuple[Floats, list[str]]:
     ]
     tracker = LiteTracker(LiteNetworks.load(SHIPPED, RuntimeOptions()), masks=False)
     rows, names = [], []
-    for track, other in zip(tracks, np.roll(np.array(tracks, object), 1 + len(tracks) // 2)):
+    half = len(tracks) // 2
+    for track, other in zip(tracks, [*tracks[half:], *tracks[:half]], strict=True):
         views = [FrameView(image) for image, _ in zip(track.images(), track.truth, strict=False)]
         tracker.init(views[0], track.box(0))
         for index, view in enumerate(views[1:], 1):
