@@ -126,15 +126,15 @@ def test_failed_start_does_not_stop_other_sequences(tmp_path, capsys, jobs):
 
 def test_exception_in_a_tracker_does_not_stop_other_runs(tmp_path, capsys, monkeypatch):
     folder = write_dataset(tmp_path / "data", sequences=3, frames=6)
-    track, calls = OpenCvTracker.track, []
+    update, calls = OpenCvTracker.update, []
 
     def fail_on_second_call(tracker, view):
         calls.append(view)
         if len(calls) == 2:
             raise RuntimeError("a network of\ntwo lines")
-        return track(tracker, view)
+        return update(tracker, view)
 
-    monkeypatch.setattr(OpenCvTracker, "track", fail_on_second_call)
+    monkeypatch.setattr(OpenCvTracker, "update", fail_on_second_call)
     arguments = ["bench", str(folder), "--out", str(tmp_path / "out"), "--trackers", "kcf"]
     assert main([*arguments, "--stabilize", "off"]) == 3
     captured = capsys.readouterr()

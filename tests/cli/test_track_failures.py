@@ -21,16 +21,16 @@ def arguments(clip, tmp_path):
 def test_failing_tracker_does_not_affect_other_targets(
     arguments, tmp_path, monkeypatch, capsys, stabilize
 ):
-    track, calls = OpenCvTracker.track, {}
+    update, calls = OpenCvTracker.update, {}
 
     def fail_sometimes(tracker, view):
         own_calls = calls.setdefault(id(tracker), [])
         own_calls.append(tracker)
         if tracker is next(iter(calls.values()))[0] and len(own_calls) % 10 == 0:
             raise RuntimeError("broken")
-        return track(tracker, view)
+        return update(tracker, view)
 
-    monkeypatch.setattr(OpenCvTracker, "track", fail_sometimes)
+    monkeypatch.setattr(OpenCvTracker, "update", fail_sometimes)
     assert main([*arguments, "--stabilize", stabilize]) == 3
     captured = capsys.readouterr()
     assert captured.err.count("\n") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final, Literal, TypeAlias
 
 import cv2
@@ -15,7 +16,10 @@ from ssiam.trackers.base import CompleteTracker
 
 DlibName: TypeAlias = Literal["dlib"]
 
-_HALF_SCORE: Final = 8.0  # peak to side-lobe ratio whose score is 0.5; the paper MOSSE calls 7 lost
+# Peak to side-lobe ratio whose score is 0.5: at about 7 a target is occluded or lost (Bolme et al.,
+# Visual Object Tracking using Adaptive Correlation Filters, CVPR 2010, section 3.5).
+_HALF_SCORE: Final = 7.0
+_SPAN: Final = 1.5  # of the ratio, for a step of 1 of the score's logit
 _MIN_SIDE: Final = 2.0  # px, of a box: dlib takes no smaller one
 
 
@@ -95,7 +99,7 @@ class DlibTracker(CompleteTracker):
         found, n = self._tracker.get_position(), view.border
         w, h = (max(side, _MIN_SIDE) for side in (found.width(), found.height()))
         ratio = max(float(np.nan_to_num(ratio)), 0.0)
-        score = ratio / (ratio + _HALF_SCORE)
+        score = 0.5 + 0.5 * math.tanh((ratio - _HALF_SCORE) / _SPAN / 2)
         return Track((found.left() - n, found.top() - n, w, h), score, evidence=(ratio,))
 
 
