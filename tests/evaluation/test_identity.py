@@ -27,7 +27,8 @@ def dataset(tmp_path_factory):
 
 @pytest.fixture
 def weights(tmp_path):
-    return shutil.copytree(SHIPPED, tmp_path / "weights")
+    ignore = shutil.ignore_patterns("mask.pth")  # for further training, not for PyTorch
+    return shutil.copytree(SHIPPED, tmp_path / "weights", ignore=ignore)
 
 
 def alter(weights):

@@ -66,12 +66,18 @@ def test_diversity_is_one_minus_the_mean_similarity():
     assert diversity([unit(1, 0), unit(1, 0), unit(0, 1)]) == pytest.approx(2 / 3)
 
 
-def changing_target(first_seed=1, last_seed=2, before=10, change=40, after=30):
-    """Frames (240, 320, 3) of a target whose texture changes gradually, and its boxes."""
+def changing_target(last=(2, 2), before=10, change=40, after=30):
+    """Frames (240, 320, 3) of a target whose texture changes gradually, and its boxes.
+
+    `last` is the seed of the last texture, and the side of its blocks; the first has 1 and 8 px.
+    """
     scene = world(5, (320, 240)) * 0.6 + 50
     first, last = (
-        np.kron(generator(seed).integers(0, 256, (7, 6, 3)), np.ones((8, 8, 1)))[:, :44]
-        for seed in (first_seed, last_seed)
+        np.kron(
+            generator(seed).integers(0, 256, (56 // side, -(-44 // side), 3)),
+            np.ones((side, side, 1)),
+        )[:, :44]
+        for seed, side in ((1, 8), last)
     )
     frames, boxes = [], []
     for t in range(before + change + after):
@@ -121,7 +127,7 @@ def test_templates_are_taken_while_the_appearance_changes():
 
 def test_a_confident_tracker_is_not_changed():
     """A second template searches only if the first one's score is low."""
-    frames, boxes = changing_target(last_seed=1)
+    frames, boxes = changing_target(last=(1, 8))
     plain, memory = (
         tracked(ssiam.load_tracker(stabilize="off", template_memory=on), frames[:30], boxes[0])
         for on in (False, True)
