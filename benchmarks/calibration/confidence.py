@@ -1,7 +1,7 @@
 """Fit of each tracker's confidence score, and how well it separates right and wrong boxes.
 
     python benchmarks/calibration/confidence.py [--trackers nanotrack_v3,...] [--every N] [--jobs N]
-        [--data FOLDER [--short]] [--tracks CONFIG]
+        [--data FOLDER [--short]] [--tracks CONFIG] [--frequent]
 
 Runs every tracker on clips whose target is absent for a while (benchmarks/lost/clips.py), with and
 without camera shake, fits P(overlap > .5) to its evidence by logistic regression with equal weight
@@ -10,6 +10,7 @@ is measured on each sequence with a fit to the others. The clips are made of the
 folder of test data (see benchmarks/common/data.py), or of another folder; --short is for sequences
 of 50 to 100 frames. --tracks adds, for lite, the named datasets of the [[validation.held_out]] of a
 training config: each track, and one frame of another track, in which the target is absent.
+--frequent weights right and wrong boxes as often as they occur, not equally.
 """
 
 from __future__ import annotations
@@ -114,24 +115,24 @@ def probability(rows: Floats, found: Floats) -> Floats:
     return np.asarray(1 / (1 + np.exp(-np.clip(rows @ found, -30, 30))))
 
 
-def balanced_weights(groups: NDArray[np.str_], right: Floats) -> Floats:
-    """Weights (N,) that give each sequence, and each of its two outcomes, the same sum."""
+def weights(groups: NDArray[np.str_], right: Floats, *, balanced: bool) -> Floats:
+    """Weights (N,) that give each sequence, and if balanced each of its outcomes, the same sum."""
     weight = np.ones(len(groups))
     for group in np.unique(groups):
-        for outcome in (0, 1):
-            selected = (groups == group) & (right == outcome)
+        own = groups == group
+        for selected in (own & (right == 0), own & (right == 1)) if balanced else (own,):
             if selected.any():
                 weight[selected] = 1 / selected.sum()
     return np.asarray(weight / weight.mean())
 
 
-def held_out(x: Floats, right: Floats, groups: NDArray[np.str_]) -> Floats:
+def held_out(x: Floats, right: Floats, groups: NDArray[np.str_], *, balanced: bool) -> Floats:
     """Probability (N,) of each row, from a fit without its sequence."""
     rows = np.column_stack([x, np.ones(len(x))])
     p = np.zeros(len(x))
     for group in np.unique(groups):
         own = groups == group
-        weight = balanced_weights(groups[~own], right[~own])
+        weight = weights(groups[~own], right[~own], balanced=balanced)
         p[own] = probability(rows[own], fitted(x[~own], right[~own], weight))
     return p
 
@@ -153,6 +154,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=SEQUENCES)
     parser.add_argument("--short", action="store_true", help="short absences")
     parser.add_argument("--tracks", type=Path, help="training config, for lite")
+    parser.add_argument("--frequent", action="store_true", help="outcomes as often as they occur")
     options = parser.parse_args()
     timing = SHORT_TIMING if options.short else TIMING
     videos = sequences(options.data)
@@ -168,10 +170,10 @@ def main() -> None:
         rows = np.concatenate([own for own, _ in found])
         groups = np.array([sequence for _, names in found for sequence in names])
         right, x = rows[:, 0], rows[:, 2:]
-        p = held_out(x, right, groups)
+        p = held_out(x, right, groups, balanced=not options.frequent)
         high = np.quantile(p[right == 1], [0.02, 0.1, 0.5])
         low = np.quantile(p[right == 0], [0.5, 0.9])
-        fit = fitted(x, right, balanced_weights(groups, right))
+        fit = fitted(x, right, weights(groups, right, balanced=not options.frequent))
         numbers = ", ".join(f"{v:.2f}" for v in fit)
         print(
             f"| {name} | {numbers} | {area_under_curve(p, right):.3f} "

@@ -56,7 +56,7 @@ _LOGIT_RANGE: Final = (-8.0, 8.0)  # to which the evidence is clipped
 # From benchmarks/calibration/search_parameters.py, on videos left out of training. These prefer a
 # faster `lr` of 0.75 by .004; among small targets in groups, an earlier network lost with 0.8.
 PARAMETERS: Final = SearchParameters(penalty_k=0.1, window_influence=0.3, lr=0.5)
-CONFIDENCE: Final = Confidence((1.0, 2.93), -7.47)  # benchmarks/calibration/confidence.py
+CONFIDENCE: Final = Confidence((0.96, 2.68), -6.0)  # benchmarks/calibration/confidence.py
 MASK_THRESHOLD: Final = 0.5
 
 
