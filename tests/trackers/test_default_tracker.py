@@ -42,12 +42,20 @@ def test_it_tracks_with_box_mask_and_corners(stabilize):
     tracks, frames = tracked(ssiam.load_tracker(stabilize=stabilize))
     found = np.array([track.box for track in tracks])
     assert (np.ptp(found[:, :2], axis=0) > 20).all()
+    covered = []
     for track, frame in zip(tracks, frames[1:], strict=True):
         assert track.mask.shape == frame.shape[:2]
         assert track.corners.shape == (4, 2)
         x, y, w, h = track.box
-        assert track.mask[round(y + h / 2), round(x + w / 2)]
+        rows, columns = (
+            slice(round(first + side / 4), round(first + 3 * side / 4))
+            for first, side in ((y, h), (x, w))
+        )
+        covered.append(track.mask[rows, columns].mean())
+        assert track.mask.sum() < w * h
         assert not track.lost
+    assert np.mean(covered) > 0.6
+    assert min(covered) > 0.4
 
 
 def test_the_runtimes_agree():

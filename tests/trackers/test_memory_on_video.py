@@ -26,9 +26,9 @@ def test_the_target_is_more_similar_to_the_memory_than_what_is_beside_it(walker)
     memory, view = tracker._tracker, FrameView(walker[-1])
     x, y, w, h = tracks[-1].box
     target = memory.similarity(view, (x, y, w, h))
-    assert target > 0.5
+    assert target > 0.7
     for dx in (-2.5 * w, 2.5 * w):
-        assert memory.similarity(view, (x + dx, y, w, h)) < 0.35
+        assert memory.similarity(view, (x + dx, y, w, h)) < 0.55
     assert memory.similarity(FrameView(walker[0]), WALKER) == pytest.approx(1)
 
 

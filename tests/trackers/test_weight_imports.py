@@ -131,7 +131,7 @@ def test_a_single_onnx_file_is_refused(tmp_path):
         import_weights(tmp_path / "net.onnx")
     assert str(caught.value) == (
         f"weights {tmp_path / 'net.onnx'} are ONNX without a network.json beside them: give the "
-        "folder of NanoTrack's two files, or the file to a tracker directly"
+        "folder of NanoTrack's or FEAR-XS's two files, or the file to a tracker directly"
     )
 
 

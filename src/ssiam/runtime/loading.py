@@ -149,7 +149,10 @@ def _load_export(folder: Path, network: str, options: RuntimeOptions) -> Pieces:
 
 
 def _check_pieces(folder: Path, network: str, pieces: Pieces) -> None:
-    """Raise `WeightsError` unless all pieces are there, and search takes what template gives."""
+    """Raise `WeightsError` unless all pieces are there, and search takes what template gives.
+
+    It may leave out the last ones: lite without attention takes no context.
+    """
     missing = [name for name in _PIECES.get(network, _PAIR) if name not in pieces]
     if missing:
         raise WeightsError(
@@ -159,7 +162,7 @@ def _check_pieces(folder: Path, network: str, pieces: Pieces) -> None:
     if "template" in pieces:
         kernels = pieces["template"].output_shapes
         accepted = pieces["search"].input_shapes[1 : 1 + len(kernels)]
-        if accepted != kernels:
+        if not accepted or accepted != kernels[: len(accepted)]:
             raise WeightsError(
                 f"weights folder {folder} holds pieces of different networks: template gives "
                 f"{kernels}, search takes {accepted}; export the network again"
