@@ -6,6 +6,7 @@ import pytest
 
 from helpers.written_results import FPS, SIZE, TRACKS, csv_of, written
 from ssiam.exchange import AnnotationsError, read_annotations
+from ssiam.exchange.labelstudio import region_annotations
 
 CSV_DAMAGES = [
     # name of the case, text of the file, words of the message
@@ -102,3 +103,9 @@ def test_files_of_other_kinds_are_refused(tmp_path, name, words):
     with pytest.raises(AnnotationsError) as caught:
         read_annotations(tmp_path / name, SIZE, FPS)
     assert str(caught.value).startswith(f"{tmp_path / name}: {words}")
+
+
+@pytest.mark.parametrize("region", ["a text", 3, None, [], {}, {"value": "wide"}])
+def test_a_region_of_label_studio_that_is_none(region):
+    with pytest.raises(AnnotationsError, match="has no sequence"):
+        region_annotations(region, SIZE, FPS)

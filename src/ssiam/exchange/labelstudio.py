@@ -241,7 +241,7 @@ def _region(
     frames: dict[int, int],
 ) -> tuple[str, dict[int, Annotation]]:
     """Name and rows of a region, by frame; `frames` are those by number, if they differ."""
-    value = region.get("value")
+    value = region.get("value") if isinstance(region, Mapping) else None
     if not isinstance(value, dict) or not isinstance(value.get("sequence"), list):
         raise AnnotationsError(f"{file}: a region of type {_KIND} has no sequence")
     labels = value.get("labels")
