@@ -59,9 +59,10 @@ def _page_targets(folder: Path) -> Iterable[Target]:
     def send(data: bytes) -> None:
         data = data.replace(b"HOST", host).replace(b"TOKEN", token)
         raw = socket.create_connection(("127.0.0.1", live.port), _TIMEOUT)
-        with raw, suppress(OSError):  # it may disconnect at any time
+        with raw, suppress(ConnectionError):
             raw.sendall(data)
-            raw.shutdown(socket.SHUT_WR)
+            with suppress(OSError):  # the server has disconnected
+                raw.shutdown(socket.SHUT_WR)
             while raw.recv(1 << 16):
                 pass
         if recorded.reports:
