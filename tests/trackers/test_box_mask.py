@@ -8,7 +8,7 @@ from helpers.stub_networks import Stub
 from ssiam import FrameView
 from ssiam.geometry import iou, map_box, xywh_from_corners
 from ssiam.networks.box_mask import BOX_MASK_CONTEXT, BOX_MASK_CROP
-from ssiam.trackers.box_mask import CONTEXT, CROP_SIDE, BoxMask, _enlarged
+from ssiam.trackers.box_mask import CONTEXT, CROP_SIDE, BoxMask, enlarged
 
 SIZE_WH = 320, 240
 FILL = np.zeros(3)
@@ -97,7 +97,7 @@ def test_without_a_mask_the_corners_are_those_of_the_box():
 
 
 def test_the_crop_is_enlarged_about_the_box():
-    assert _enlarged((100.0, 80.0, 60.0, 40.0)) == pytest.approx((82, 68, 96, 64))
+    assert enlarged((100.0, 80.0, 60.0, 40.0)) == pytest.approx((82, 68, 96, 64))
 
 
 def recorded(view, xywh, fill=FILL, logit=8.0):

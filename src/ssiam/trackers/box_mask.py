@@ -27,7 +27,7 @@ MASK_SHAPES: Final = (  # of the inputs and outputs of the network
     [(1, 3, CROP_SIDE, CROP_SIDE)],
     [(1, 1, CROP_SIDE // 2, CROP_SIDE // 2)],
 )
-_CELL: Final = 2  # px of the crop in a cell of the mask
+CELL: Final = 2  # px of the crop in a cell of the mask
 _HALF: Final = 127  # of 255: a probability of one half
 _MIN_FILL: Final = 0.25  # minimum share of a small box that its mask covers
 _MIN_IOU: Final = 0.8  # minimum IoU of the rotated box's bounds with the upright box
@@ -64,7 +64,7 @@ class BoxMask:
         """
         # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border
-        crop_xywh = _enlarged(xywh)
+        crop_xywh = enlarged(xywh)
         crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
         return PendingOutline(partial(self._outline, crop, crop_xywh, xywh, view.size_wh, margin))
 
@@ -76,11 +76,12 @@ class BoxMask:
         corner, sides = np.array(crop_xywh[:2]), np.array(crop_xywh[2:])
         crop_span = np.floor(corner), np.ceil(corner + sides)
         span = intersection(crop_span, visible_span(size_wh, margin))
-        mask = paste(logits[0, 0] - threshold, corner, sides / CROP_SIDE * _CELL, span)
+        mask = paste(logits[0, 0] - threshold, corner, sides / CROP_SIDE * CELL, span)
         return Outline(rotated_box(mask, xywh), mask.full(size_wh))
 
 
-def _enlarged(xywh: XYWH) -> XYWH:
+def enlarged(xywh: XYWH) -> XYWH:
+    """The rectangle that is cropped for a box (x, y, w, h), about the same center."""
     x, y, w, h = xywh
     return x - (CONTEXT - 1) / 2 * w, y - (CONTEXT - 1) / 2 * h, CONTEXT * w, CONTEXT * h
 

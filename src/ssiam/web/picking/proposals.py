@@ -13,9 +13,9 @@ from ssiam.errors import WeightsError
 from ssiam.geometry import XYWH, Image, iou
 from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import FrameView
-from ssiam.trackers.box_mask import CONTEXT, CROP_SIDE
+from ssiam.trackers.box_mask import CELL, CROP_SIDE, enlarged
 from ssiam.trackers.lite import SHIPPED, LiteNetworks
-from ssiam.trackers.siamese import Floats, crop_tensor
+from ssiam.trackers.siamese import Floats
 
 # Boxes from which the search begins: sides in pixels from the smallest to a share of the frame's
 # shorter side, and width / height. Chosen on frames 20, 45 and 70 of the sequences whose first
@@ -114,19 +114,15 @@ class BoxProposer:
         self, view: FrameView, point_xy: tuple[float, float], box: XYWH, fill: Floats
     ) -> XYWH | None:
         """Bounds of the part at the point of the mask in a box; None if it is not there."""
-        corner = np.array(box[:2]) - (CONTEXT - 1) / 2 * np.array(box[2:])
-        sides = CONTEXT * np.array(box[2:])
-        crop_xywh = float(corner[0]), float(corner[1]), float(sides[0]), float(sides[1])
-        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
-        (logits,) = self._network(crop_tensor(crop))
-        mask = logits[0, 0] > 0
-        cells = mask.shape[0]
-        found = _part_at(mask, (np.array(point_xy) - corner) / sides * cells)
+        left, top, width, height = enlarged(box)
+        crop = view.crop((left, top, width, height), (CROP_SIDE, CROP_SIDE), fill)
+        (logits,) = self._network(crop.tensor())
+        shares = np.array([(point_xy[0] - left) / width, (point_xy[1] - top) / height])
+        found = _part_at(logits[0, 0] > 0, shares * CROP_SIDE / CELL)
         if found is None:
             return None
-        x, y = (float(value) for value in corner + np.array(found[:2]) * sides / cells)
-        w, h = (float(value) for value in np.array(found[2:]) * sides / cells)
-        return (x, y, w, h) if min(w, h) >= _MIN_SIDE else None
+        box = crop.box_in_view([CELL * side for side in found])
+        return box if min(box[2:]) >= _MIN_SIDE else None
 
 
 def _part_at(mask: NDArray[np.bool_], cell_xy: Floats) -> XYWH | None:
