@@ -100,3 +100,31 @@ def test_a_small_textured_target_has_no_effect_without_its_box(keypoints):
         found = camera.update(frame).cur_from_prev
         truth = pose @ np.linalg.inv(path[t - 1]) if t else np.eye(3)
         assert corner_error(found, truth) < 0.5
+
+
+PEDESTRIANS = [(60, 120, 90, 200), (260, 100, 90, 220), (450, 130, 80, 180)]
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "angle"), [(-40, -61, 0.122), (60, -79, 0.085), (62, 79, -0.124), (-73, -52, 0.128)]
+)
+def test_strong_shake_with_excluded_boxes(dx, dy, angle):
+    """The first coarse estimate, of the settings for frames with boxes, does not converge."""
+    shaken = rigid(dx, dy, angle, (320, 180))
+    camera = CameraMotion()
+    camera.update(view(np.eye(3)))
+    motion = camera.update(view(shaken), exclude=PEDESTRIANS)
+    assert motion.reliable
+    assert corner_error(motion.cur_from_prev, shaken) < 0.5
+
+
+def test_an_excluded_box_that_fills_the_frame_decides_nothing():
+    """The background is noise: its motion is unknown, and that of the box is not the camera's."""
+    box = 30, 20, 580, 320
+    noise = generator(4)
+    camera = CameraMotion()
+    for dx in (0, 25):
+        frame = noise.integers(0, 256, (360, 640, 3), np.uint8)
+        frame[20:340, 30:610] = view(rigid(dx, 0, 0))[20:340, 30:610]
+        motion = camera.update(frame, exclude=box)
+    assert not motion.reliable

@@ -52,6 +52,7 @@ class CoarseEstimator:
         boxes: NDArray[np.float64],
         not_overlay: Floats,
         scene: Floats | None = None,
+        all_equal: bool | None = None,
     ) -> Transform:
         """cur_from_prev in units.
 
@@ -69,9 +70,13 @@ class CoarseEstimator:
             0 where an overlay is drawn on the frame, else 1; a grid of any resolution.
         scene : (cells,) float32, optional
             0 for cells outside the scene, else 1.
+        all_equal : bool, optional
+            Whether all cells get equal weight and a tolerance that shrinks; by default, without
+            boxes. It is better for strong shake, and worse where few cells have texture.
         """
         (prev_pyramid, template), (cur_pyramid, cur_template) = prev, cur
-        settings = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
+        all_equal = not len(boxes) if all_equal is None else all_equal
+        settings = _WITHOUT_EXCLUSION if all_equal else _WITH_EXCLUSION
         shape = self.grid.shape
         visible = cv2.resize(not_overlay, shape[::-1], interpolation=cv2.INTER_AREA)
         background_share = self.grid.background_share(boxes) * visible.ravel()

@@ -7,6 +7,7 @@ Here, samples all over the frame are aligned jointly, by one transform: first at
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -37,6 +38,7 @@ _EPSILON: Final = 1e-3
 # A reliable motion
 _MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/calibration/reliability.py)
 _AGREEING: Final = 0.5  # explained share of the texture of a cell that agrees
+_WELL_EXPLAINED: Final = 2 * _MIN_EXPLAINED  # below it, another coarse estimate is tried
 _MIN_AGREEING: Final = 8  # cells
 _MIN_SPREAD: Final = 0.3  # units between the outermost agreeing cells along x or y
 
@@ -118,23 +120,47 @@ class DirectMotion:
         self._prev, self._spare = cur, prev
         unit_boxes = self._builder.in_units(boxes)
         not_overlay = self._overlays.background
-        start = self._coarse.estimate(
-            (prev.pyramid, prev.coarse),
-            (cur.pyramid, cur.coarse),
-            unit_boxes,
-            not_overlay.reshape(self._grid.shape),
-            _product(prev.coarse_scene, self._coarse_used),
-        )
         background_share = self._grid.background_share(unit_boxes) * not_overlay
         scene = _product(prev.scene, self._used)
         if scene is not None:
             background_share *= scene
         settings = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
-        aligned = align(prev.fine, cur.pyramid.fine, start, background_share, settings)
-        motion = self._checked(prev.fine, aligned, background_share)
-        if motion.reliable:
-            self._overlays.update(prev.fine, cur.fine, aligned.cur_from_prev, aligned.error)
-        return motion
+        best, best_aligned = Motion.none(self._size_wh), None
+        for start in self._starts(prev, cur, unit_boxes):
+            aligned = align(prev.fine, cur.pyramid.fine, start, background_share, settings)
+            motion = self._checked(prev.fine, aligned, background_share)
+            if motion.inliers > best.inliers:
+                best, best_aligned = motion, aligned
+            if best.inliers >= _WELL_EXPLAINED:
+                break
+        if best_aligned is not None:
+            cur_from_prev, error = best_aligned.cur_from_prev, best_aligned.error
+            self._overlays.update(prev.fine, cur.fine, cur_from_prev, error)
+        return best
+
+    def _starts(
+        self, prev: _FrameData, cur: _FrameData, unit_boxes: NDArray[np.float64]
+    ) -> Iterator[Transform]:
+        """Coarse estimates, the likeliest first, one at a time.
+
+        With boxes, strong shake needs the settings for frames without them, and where boxes cover
+        most of what has texture, the estimate needs the texture in them. The fine alignment
+        excludes the boxes from each.
+        """
+        attempts: list[tuple[NDArray[np.float64], bool]] = [(unit_boxes, not len(unit_boxes))]
+        if len(unit_boxes):
+            attempts += [(unit_boxes, True), (unit_boxes[:0], True)]
+        not_overlay = self._overlays.background.reshape(self._grid.shape)
+        scene = _product(prev.coarse_scene, self._coarse_used)
+        for boxes, all_equal in attempts:
+            yield self._coarse.estimate(
+                (prev.pyramid, prev.coarse),
+                (cur.pyramid, cur.coarse),
+                boxes,
+                not_overlay,
+                scene,
+                all_equal,
+            )
 
     def _frame_data(self, frame: Image) -> _FrameData:
         """Pyramid and templates of a frame (H, W, 3), with flat areas outside the scene filled."""
