@@ -106,7 +106,8 @@ PEDESTRIANS = [(60, 120, 90, 200), (260, 100, 90, 220), (450, 130, 80, 180)]
 
 
 @pytest.mark.parametrize(
-    ("dx", "dy", "angle"), [(-40, -61, 0.122), (60, -79, 0.085), (62, 79, -0.124), (-73, -52, 0.128)]
+    ("dx", "dy", "angle"),
+    [(-40, -61, 0.122), (60, -79, 0.085), (62, 79, -0.124), (-73, -52, 0.128)],
 )
 def test_strong_shake_with_excluded_boxes(dx, dy, angle):
     """The first coarse estimate, of the settings for frames with boxes, does not converge."""
