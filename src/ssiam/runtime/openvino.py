@@ -117,16 +117,19 @@ class OpenVinoNetwork(SharedOnCopy):
             raise damaged_error(path) from error
         if not all(map(_is_array, (*self._compiled.inputs, *self._compiled.outputs))):
             raise not_arrays_error(path)
+        self._outputs = self._compiled.outputs  # reading these takes .1 ms each time
+        self._input_shapes = [tuple(port.shape) for port in self._compiled.inputs]
+        self._output_shapes = [tuple(port.shape) for port in self._outputs]
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
         """Shapes of the inputs."""
-        return [tuple(port.shape) for port in self._compiled.inputs]
+        return list(self._input_shapes)
 
     @property
     def output_shapes(self) -> list[tuple[int, ...]]:
         """Shapes of the outputs."""
-        return [tuple(port.shape) for port in self._compiled.outputs]
+        return list(self._output_shapes)
 
     @property
     def convolution_count(self) -> int:
@@ -138,7 +141,7 @@ class OpenVinoNetwork(SharedOnCopy):
         request = self._idle_request()
         try:
             results = request.infer(list(inputs), share_inputs=True, share_outputs=True)
-            return [np.array(results[port], dtype=np.float32) for port in self._compiled.outputs]
+            return [np.array(results[port], dtype=np.float32) for port in self._outputs]
         except _NATIVE_ERRORS as error:
             raise not_run_error(self._path, error) from error
         finally:
