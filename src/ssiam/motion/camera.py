@@ -17,10 +17,11 @@ from ssiam.motion.content import Area, ContentDetector
 from ssiam.motion.direct import DirectMotion
 from ssiam.motion.fit import FitName
 from ssiam.motion.keypoints import GeneratorName, KeypointGenerator, KeypointMotion
-from ssiam.motion.models import ModelName
+from ssiam.motion.models import CameraModelName, ModelName
 from ssiam.motion.motion import Motion, as_motion
 
 KeypointName: TypeAlias = Literal["direct"] | GeneratorName
+MODELS: tuple[CameraModelName, ...] = (*get_args(ModelName), "mesh")
 KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
 
 _MARGIN: Final = 0.10  # share of a box's size added on each side: its edges move with the target
@@ -56,10 +57,11 @@ class CameraMotion(DeepCopied):
     fit : {"robust", "least_squares"}
         How a transform is fitted to keypoints; not used by "direct". Least squares is the printed
         form (eq. 3), and is biased by independently moving objects.
-    model : {"similarity", "rigid", "affine", "homography"}
+    model : {"similarity", "rigid", "affine", "homography", "mesh"}
         Degrees of freedom of the motion: "rigid" (the paper's) is rotation and shift;
         "similarity" adds zoom, "affine" shear, "homography" tilt. `Motion.shift_angle` is the
-        rigid part.
+        rigid part. "mesh" is a similarity and a mesh of shifts around it, for scenes with depth
+        that the camera flies past: `Motion.at` is the motion at a point. For "direct" only.
     spread : bool
         Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
     mask : (H, W) bool or uint8, optional
@@ -70,7 +72,7 @@ class CameraMotion(DeepCopied):
     ------
     ArgumentError
         A name is not one of the choices, `spread` is not True or False, or `mask` is not such an
-        array, or given with keypoints.
+        array; or `mask` or a mesh is asked for with keypoints.
 
     Examples
     --------
@@ -84,19 +86,21 @@ class CameraMotion(DeepCopied):
         self,
         keypoints: KeypointName = "direct",
         fit: FitName = "robust",
-        model: ModelName = "similarity",
+        model: CameraModelName = "similarity",
         spread: bool = True,
         mask: ArrayLike | None = None,
     ) -> None:
         self._keypoints: KeypointName = check_choice("keypoints", keypoints, KEYPOINTS)
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
-        self._model: ModelName = check_choice("model", model, get_args(ModelName))
+        self._model: CameraModelName = check_choice("model", model, MODELS)
         if not isinstance(spread, bool):
             raise ArgumentError(f"spread is {short_repr(spread)}: it must be True or False")
         self._spread = spread
         self._mask = None if mask is None else _checked_mask(mask)
         if self._mask is not None and keypoints != "direct":
             raise ArgumentError(f'mask is given with keypoints {keypoints!r}: use "direct"')
+        if model == "mesh" and keypoints != "direct":
+            raise ArgumentError(f'model "mesh" is given with keypoints {keypoints!r}: use "direct"')
         self._size_wh: tuple[int, int] | None = None
         self._content: ContentDetector | None = None
         self._estimator: _Estimator | None = None
@@ -184,11 +188,13 @@ class CameraMotion(DeepCopied):
         """An estimator for this part of the frames; that of `frame` is its first previous one."""
         frame, mask = area.of(frame), None if self._mask is None else area.of(self._mask)
         size_wh = frame.shape[1], frame.shape[0]
+        has_mesh = self._model == "mesh"
+        model: ModelName = "similarity" if self._model == "mesh" else self._model
         if self._keypoints == "direct":
-            estimator: _Estimator = DirectMotion(size_wh, self._model, mask)
+            estimator: _Estimator = DirectMotion(size_wh, model, mask, has_mesh=has_mesh)
         else:
             generator = KeypointGenerator(self._keypoints)
-            estimator = KeypointMotion(size_wh, generator, self._fit, self._model, self._spread)
+            estimator = KeypointMotion(size_wh, generator, self._fit, model, self._spread)
         estimator.set_previous(frame)
         return estimator
 

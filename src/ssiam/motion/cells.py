@@ -125,6 +125,27 @@ class Grid:
             warped = cv2.warpAffine(image, pixel_from_sample[:2], self._samples_wh, flags=flags)
         return self._by_cell(warped).reshape(self._side**2, self.cells)
 
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (2, rows * side, columns * side) of the samples, pixels of the image."""
+        width, height = self._samples_wh
+        x, y = (self._first + self._stride * np.arange(count) for count in (width, height))
+        return np.asarray(np.meshgrid(x, y), dtype=np.float64)
+
+    def sampled(self, image: Floats, positions_xy: NDArray[np.float64]) -> Floats:
+        """Samples (samples, cells) of an image at positions, which are in the image's row order.
+
+        Positions are (rows * side * columns * side, 2), pixels of the image.
+        """
+        width, height = self._samples_wh
+        x, y = positions_xy.T.reshape(2, height, width).astype(np.float32)
+        return self._by_cell(cv2.remap(image, x, y, cv2.INTER_LINEAR)).reshape(-1, self.cells)
+
+    def cell_means(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Means (n, cells) over each cell of images of samples (n, rows * side, columns * side)."""
+        by_cell = [self._by_cell(each).reshape(-1, self.cells).mean(axis=0) for each in samples]
+        return np.array(by_cell)
+
     def background_share(self, boxes: NDArray[np.float64]) -> Floats:
         """Share (cells,) of each cell outside the boxes (N, 4); 0 if it is less than half.
 

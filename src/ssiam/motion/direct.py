@@ -21,6 +21,7 @@ from ssiam.motion.alignment import Alignment, AlignmentSettings, align
 from ssiam.motion.cells import AnyTemplate, Floats, Grid
 from ssiam.motion.coarse import CoarseEstimator
 from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
+from ssiam.motion.mesh import MeshEstimator
 from ssiam.motion.models import ModelName, map_columns
 from ssiam.motion.motion import Motion
 from ssiam.motion.pyramid import Pyramid, PyramidBuilder
@@ -77,10 +78,17 @@ class DirectMotion:
     model : {"rigid", "similarity", "affine", "homography"}
     mask : (H, W) uint8, optional
         255 at pixels that are not used, else 0.
+    has_mesh : bool
+        Whether reliable motions have a mesh.
     """
 
     def __init__(
-        self, size_wh: tuple[int, int], model: ModelName, mask: Image | None = None
+        self,
+        size_wh: tuple[int, int],
+        model: ModelName,
+        mask: Image | None = None,
+        *,
+        has_mesh: bool = False,
     ) -> None:
         kernel.report_absence()
         self._size_wh = size_wh
@@ -88,12 +96,16 @@ class DirectMotion:
         self._coarse = CoarseEstimator(builder)
         self._grid = Grid(builder.fine_wh, builder.fine_from_unit, _STRIDE, _SIDE, model)
         self._overlays = OverlayDetector(self._grid)
+        self._mesh: MeshEstimator | None = None
         self._too_small = self._coarse.grid.cells == 0
         self._used: Floats | None = None  # (cells,) 0 for cells under the mask, else 1
         self._coarse_used: Floats | None = None
         if mask is not None and not self._too_small:
             self._used = _unmasked(mask, self._grid, builder.fine_wh)
             self._coarse_used = _unmasked(mask, self._coarse.grid, builder.coarse_wh)
+        if has_mesh and self._grid.cells:
+            frame_from_fine = builder.frame_from_unit @ np.linalg.inv(builder.fine_from_unit)
+            self._mesh = MeshEstimator(self._grid, frame_from_fine)
         self._prev: _FrameData | None = None
         self._spare: _FrameData | None = None  # its arrays are used for the next frame
 
@@ -133,10 +145,17 @@ class DirectMotion:
                 best, best_aligned = motion, aligned
             if best.inliers >= _WELL_EXPLAINED:
                 break
-        if best_aligned is not None:
-            cur_from_prev, error = best_aligned.cur_from_prev, best_aligned.error
-            self._overlays.update(prev.fine, cur.fine, cur_from_prev, error)
-        return best
+        if best_aligned is None:
+            return best
+        cur_from_prev, error = best_aligned.cur_from_prev, best_aligned.error
+        self._overlays.update(prev.fine, cur.fine, cur_from_prev, error)
+        if self._mesh is None:
+            return best
+        to_fine = self._builder.fine_from_unit
+        fine_cur_from_prev = to_fine @ cur_from_prev @ np.linalg.inv(to_fine)
+        images = prev.pyramid.fine, cur.pyramid.fine
+        mesh = self._mesh.estimate(*images, fine_cur_from_prev, background_share)
+        return replace(best, mesh=mesh)
 
     def _starts(
         self, prev: _FrameData, cur: _FrameData, unit_boxes: NDArray[np.float64]

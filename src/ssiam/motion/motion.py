@@ -19,9 +19,11 @@ from ssiam.geometry import (
     finite_array,
     frame_center,
     map_points,
+    rigid,
     rigid_parameters,
     short_repr,
 )
+from ssiam.motion.mesh import MotionMesh
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; larger is a scene cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames
@@ -49,12 +51,15 @@ class Motion:
         `cur_from_prev` is then the identity.
     size_wh : (int, int)
         Width and height of the frames, pixels.
+    mesh : MotionMesh or None
+        How the motion differs from place to place, with ``CameraMotion(model="mesh")``.
     """
 
     cur_from_prev: Transform
     inliers: float
     reliable: bool
     size_wh: tuple[int, int]
+    mesh: MotionMesh | None = None
 
     @classmethod
     def none(cls, size_wh: tuple[int, int], *, reliable: bool = False) -> Motion:
@@ -167,7 +172,17 @@ class Motion:
         cur_from_prev = (
             frame_from_crop @ self.cur_from_prev @ crop_from_frame if self.reliable else IDENTITY
         )
-        return Motion(cur_from_prev, self.inliers, self.reliable, size_wh)
+        mesh = None if self.mesh is None else self.mesh.moved(origin_xy)
+        return Motion(cur_from_prev, self.inliers, self.reliable, size_wh, mesh)
+
+    def at(self, point: tuple[float, float]) -> Transform:
+        """cur_from_prev (3, 3) of the background near a point (x, y) of the previous frame.
+
+        With a mesh, that of the surroundings of this point; otherwise the same for all points.
+        """
+        if self.mesh is None:
+            return self.cur_from_prev
+        return self.cur_from_prev @ rigid(*self.mesh.shift_at(point), 0.0)
 
     @property
     def shift_angle(self) -> tuple[float, float, float]:

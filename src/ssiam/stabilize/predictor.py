@@ -144,7 +144,7 @@ class TargetPredictor(DeepCopied):
             self._elapsed += 1
             if motion.reliable:
                 x, y = self._center.tolist()
-                self._center = np.array(map_point(motion.cur_from_prev, x, y))
+                self._center = np.array(map_point(motion.at((x, y)), x, y))
                 self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(motion.cur_from_prev)
             self._step = None
         return self._box_at(self._center)
@@ -170,7 +170,8 @@ class TargetPredictor(DeepCopied):
     def _predict(self, motion: Motion) -> Points:
         """The target center (4, 2) predicted by each hypothesis, raw-frame pixels."""
         still = self._center
-        fixed = np.array(map_point(motion.cur_from_prev, *still.tolist()))
+        x, y = still.tolist()
+        fixed = np.array(map_point(motion.at((x, y)), x, y))
         in_frame, in_scene = self._speeds if self._config.speed else np.zeros((2, 2))
         return np.array([still, still + in_frame, fixed, fixed + in_scene])
 
