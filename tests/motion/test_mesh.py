@@ -39,7 +39,6 @@ def test_near_and_far_background_move_differently(exclude):
     }
     assert errors[plain] > 1.5
     assert errors[mesh] < 0.7
-    assert np.array_equal(plain.cur_from_prev, mesh.cur_from_prev)
 
 
 def test_without_depth_the_mesh_is_flat():
@@ -98,5 +97,5 @@ def test_the_prediction_uses_the_motion_at_the_target():
 
 
 def test_a_mesh_needs_direct_alignment():
-    with pytest.raises(ArgumentError, match='model "mesh" is given with keypoints \'orb\''):
+    with pytest.raises(ArgumentError, match="model \"mesh\" is given with keypoints 'orb'"):
         CameraMotion("orb", model="mesh")

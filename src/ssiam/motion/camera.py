@@ -60,7 +60,7 @@ class CameraMotion(DeepCopied):
     model : {"similarity", "rigid", "affine", "homography", "mesh"}
         Degrees of freedom of the motion: "rigid" (the paper's) is rotation and shift;
         "similarity" adds zoom, "affine" shear, "homography" tilt. `Motion.shift_angle` is the
-        rigid part. "mesh" is a similarity and a mesh of shifts around it, for scenes with depth
+        rigid part. "mesh" is a homography and a mesh of shifts around it, for scenes with depth
         that the camera flies past: `Motion.at` is the motion at a point. For "direct" only.
     spread : bool
         Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
@@ -189,7 +189,7 @@ class CameraMotion(DeepCopied):
         frame, mask = area.of(frame), None if self._mask is None else area.of(self._mask)
         size_wh = frame.shape[1], frame.shape[0]
         has_mesh = self._model == "mesh"
-        model: ModelName = "similarity" if self._model == "mesh" else self._model
+        model: ModelName = "homography" if self._model == "mesh" else self._model
         if self._keypoints == "direct":
             estimator: _Estimator = DirectMotion(size_wh, model, mask, has_mesh=has_mesh)
         else:

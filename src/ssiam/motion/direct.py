@@ -40,6 +40,7 @@ _EPSILON: Final = 1e-3
 _MIN_EXPLAINED: Final = 0.25  # share of the texture (benchmarks/calibration/reliability.py)
 _AGREEING: Final = 0.5  # explained share of the texture of a cell that agrees
 _WELL_EXPLAINED: Final = 2 * _MIN_EXPLAINED  # below it, another coarse estimate is tried
+_CLEARLY_MORE: Final = 1.5  # ratio of explained shares at which the later estimate is used
 _MIN_AGREEING: Final = 8  # cells
 _MIN_SPREAD: Final = 0.3  # units between the outermost agreeing cells along x or y
 
@@ -141,7 +142,7 @@ class DirectMotion:
         for start in self._starts(prev, cur, unit_boxes):
             aligned = align(prev.fine, cur.pyramid.fine, start, background_share, settings)
             motion = self._checked(prev.fine, aligned, background_share)
-            if motion.inliers > best.inliers:
+            if motion.inliers > _CLEARLY_MORE * best.inliers:
                 best, best_aligned = motion, aligned
             if best.inliers >= _WELL_EXPLAINED:
                 break

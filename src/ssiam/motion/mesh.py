@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from ssiam.geometry import XYWH, Image, Transform, map_points
 from ssiam.motion.cells import CellTemplate, Floats, Grid
 
+# From benchmarks/motion/parallax.py --chosen
 _NODES: Final = 6  # along the longer side
 _ROUNDS: Final = 4
 _TOLERANCES: Final = (1.0, 0.3)  # share of the texture by which a cell may differ: first, later
 _NOISE: Final = 2.0  # gray levels by which a cell without texture may differ
-_STIFFNESS: Final = 0.1  # weight of the squared difference, px, of neighboring shifts
-_ANCHOR: Final = 0.01  # weight of the squared shift, px: to the global motion
+_STIFFNESS: Final = 0.3  # weight of the squared difference, px, of neighboring shifts
+_ANCHOR: Final = 0.03  # weight of the squared shift, px: to the global motion
 _SOBEL: Final = 1 / 8  # gray levels per pixel for a response of 1 of a 3 × 3 Sobel filter
 _MAX_SHIFT: Final = 0.03  # of the longer side; larger local shifts are cut off
 
