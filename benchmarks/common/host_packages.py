@@ -14,7 +14,7 @@ _OPENCV = "opencv-contrib-python-headless>=4.11,<5"  # hosts ask for opencv-pyth
 _ALL = ("hypothesis>=6.100", "pytest>=9.0.3", _OPENCV)
 _TORCH = "torch==2.13.0"  # newer ones bring gigabytes of CUDA along
 _SUPERVISION = ("pydeprecate>=0.9,<0.14", "scipy>=1.13.1", "supervision==0.31.2")
-_TRACKERS = Requirements((*_ALL, *_SUPERVISION), bare=("trackers==2.6.1",))
+_TRACKERS = Requirements((*_ALL, *_SUPERVISION, "rich>=15"), bare=("trackers==2.6.1",))
 _NEEDS_OF_ULTRALYTICS = (
     *("lapx>=0.5.5", "matplotlib", "numpy>=2.2", "pillow", "polars", "psutil", "pyyaml"),
     "requests",

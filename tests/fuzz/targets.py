@@ -29,7 +29,7 @@ from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 from ssiam.evaluation.runs.shaken_results import read_shake
 from ssiam.exchange import EXPORT_KINDS, read_annotations, read_corrections, write_exports
 from ssiam.geometry import check_box
-from ssiam.motion import Motion
+from ssiam.motion import Motion, read_gyro
 from ssiam.parsing import parse_json, parse_rate
 from ssiam.runtime.manifest import Manifest
 from ssiam.toml_tables import read_toml
@@ -86,6 +86,11 @@ def _result_targets(folder: Path) -> Iterable[Target]:
     vot = (b"1\n10,20,30,40\n2\n0\n1,2,3,4,5,6,7,8\n", b"1\n1.5,2.5,3,4\nnan,nan,nan,nan\n")
     yield Target("results of VOT", vot, in_file(folder / "a_001.txt", read_vot))
     boxes = (b"1,2,3,4\n5,6,7,8\n", b"1\t2\t3\t4\n")
+    gyro = (
+        b"GYROFLOW IMU LOG\norientation,YxZ\ntscale,0.001\ngscale,1\nt,gx,gy,gz\n0,1,2,3\n5,4,5,6\n",
+        b"time (us), gyroADC[0], gyroADC[1], gyroADC[2] (deg/s)\n10, 1, 2, 3\n510, 4, 5, 6\n",
+    )
+    yield Target("gyro log", gyro, in_file(folder / "g.gcsv", read_gyro))
     yield Target("results of OTB", boxes, in_file(folder / "a.txt", read_boxes))
     identity = {"weights_sha256": "0" * 64, "runtime": "openvino", "device": "cpu"}
     identity |= {"precision": "f32", "threads": 1}

@@ -2,6 +2,9 @@
 
 from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName, PrefetchingCameraMotion
 from ssiam.motion.fit import FitName
+from ssiam.motion.gyro import GyroCameraMotion, GyroSync, GyroTrack, synchronize
+from ssiam.motion.gyro_files import read_gyro
+from ssiam.motion.mesh import MotionMesh
 from ssiam.motion.models import CameraModelName, ModelName
 from ssiam.motion.motion import Motion
 
@@ -10,8 +13,14 @@ __all__ = [
     "CameraModelName",
     "CameraMotion",
     "FitName",
+    "GyroCameraMotion",
+    "GyroSync",
+    "GyroTrack",
     "KeypointName",
     "ModelName",
     "Motion",
+    "MotionMesh",
     "PrefetchingCameraMotion",
+    "read_gyro",
+    "synchronize",
 ]

@@ -33,6 +33,10 @@ _GENERATORS[6, 2, 0] = -1  # tilt about the vertical axis
 _GENERATORS[7, 2, 1] = -1  # tilt about the horizontal axis
 _FLAT: Final = _GENERATORS.reshape(8, 9)
 
+_ROOTS: Final = 10  # square roots before a series of a matrix
+_ROOT_STEPS: Final = 8  # of the iteration to a square root
+_SINGULAR: Final = 1e-12  # determinant
+
 
 def velocities(xy: NDArray[np.float64], model: ModelName) -> NDArray[np.float64]:
     """Velocities (freedom, 2, N) of points (2, N) for a step of 1 along each generator; units."""
@@ -64,3 +68,32 @@ def map_columns(to_from_from: Transform, xy: NDArray[np.float64]) -> NDArray[np.
     """Map points (2, N), one in each column, by a transform."""
     mapped = to_from_from[:, :2] @ xy + to_from_from[:, 2:]
     return np.asarray(mapped[:2] / mapped[2], dtype=np.float64)
+
+
+def fractional(to_from_from: Transform, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fractional powers (N, 3, 3): the transform at constant speed, after shares (N,) of its time.
+
+    The logarithm is that of the tenth square root (Denman and Beavers, 1976), whose series
+    converges fast. The result is nan where the transform has no real square root.
+    """
+    root = to_from_from
+    with np.errstate(all="ignore"):
+        for _ in range(_ROOTS):
+            root = _square_root(root)
+        small = root - IDENTITY
+        logarithm = 2.0**_ROOTS * (small - small @ small / 2 + small @ small @ small / 3)
+        powers = shares[:, None, None] * logarithm / 2.0**_ROOTS
+        result = IDENTITY + powers + powers @ powers / 2 + powers @ powers @ powers / 6
+        for _ in range(_ROOTS):
+            result = result @ result
+        normed = result / result[:, 2:, 2:]
+    return np.asarray(normed)
+
+
+def _square_root(matrix: Transform) -> Transform:
+    root, inverse = matrix, IDENTITY
+    for _ in range(_ROOT_STEPS):
+        if not np.isfinite(root).all() or abs(np.linalg.det(root)) < _SINGULAR:
+            return np.full((3, 3), np.nan)
+        root, inverse = (root + np.linalg.inv(inverse)) / 2, (inverse + np.linalg.inv(root)) / 2
+    return np.asarray(root)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import (
@@ -24,6 +24,7 @@ from ssiam.geometry import (
     short_repr,
 )
 from ssiam.motion.mesh import MotionMesh
+from ssiam.motion.models import fractional
 
 _MAX_SHIFT: Final = 0.30  # of the longer side between two frames; larger is a scene cut
 _MAX_ANGLE: Final = 0.35  # rad between two frames
@@ -183,6 +184,41 @@ class Motion:
         if self.mesh is None:
             return self.cur_from_prev
         return self.cur_from_prev @ rigid(*self.mesh.shift_at(point), 0.0)
+
+    def rows(self, readout: float) -> NDArray[np.float64]:
+        """Undo a rolling shutter: where the pixels of each row were in the middle of the readout.
+
+        The camera is assumed to have kept the speed of this motion. `GyroTrack.rows` needs no such
+        assumption.
+
+        Parameters
+        ----------
+        readout : float
+            Time from the first row to the last one as a share of the time between two frames;
+            negative if the last row is read first.
+
+        Returns
+        -------
+        (H, 3, 3) float64
+            middle_from_row: maps the pixels of each row of this frame to where they would be if
+            all rows had been exposed with the middle one.
+
+        Raises
+        ------
+        ArgumentError
+            `readout` is not in -1..1, or the motion is not a small change of the frame.
+        """
+        share = finite_array(readout)
+        if share is None or share.shape != () or not abs(share) <= 1:
+            raise ArgumentError(
+                f"readout is {short_repr(readout)}: give a share of the frame time, -1 to 1"
+            )
+        height = self.size_wh[1]
+        later = (np.arange(height) - (height - 1) / 2) / max(height - 1, 1)
+        middle_from_row = fractional(self.cur_from_prev, -float(share) * later)
+        if not np.isfinite(middle_from_row).all():
+            raise ArgumentError(f"{self!r} is too large for a motion at constant speed")
+        return middle_from_row
 
     @property
     def shift_angle(self) -> tuple[float, float, float]:
