@@ -92,8 +92,9 @@ def ring_flow(prev: Image, cur: Image, box: Floats) -> tuple[Floats, Floats] | N
     corners = cv2.goodFeaturesToTrack(prev, MAX_CORNERS, 0.01, 5, mask=mask)
     if corners is None:
         return None
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(prev, cur, corners, None, maxLevel=4)
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(cur, prev, moved, None, maxLevel=4)
+    guess = np.empty_like(corners)
+    moved, found, _ = cv2.calcOpticalFlowPyrLK(prev, cur, corners, guess, maxLevel=4)
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(cur, prev, moved, guess.copy(), maxLevel=4)
     same = np.linalg.norm(back - corners, axis=2).ravel() < BACKWARD
     good = same & (found.ravel() > 0) & (returned.ravel() > 0)
     return corners[good, 0].astype(np.float64), moved[good, 0].astype(np.float64)
@@ -106,7 +107,7 @@ def errors(
     cameras = [CameraMotion(model=model) for model in models]
     for camera in cameras:
         camera.update(images[0])
-    grays = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
+    grays = [np.asarray(cv2.cvtColor(each, cv2.COLOR_BGR2GRAY), np.uint8) for each in images]
     width, rows = images[0].shape[1], []
     for index in range(1, len(images)):
         box = boxes[index - 1]

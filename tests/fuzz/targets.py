@@ -87,7 +87,7 @@ def _result_targets(folder: Path) -> Iterable[Target]:
     yield Target("results of VOT", vot, in_file(folder / "a_001.txt", read_vot))
     boxes = (b"1,2,3,4\n5,6,7,8\n", b"1\t2\t3\t4\n")
     gyro = (
-        b"GYROFLOW IMU LOG\norientation,YxZ\ntscale,0.001\ngscale,1\nt,gx,gy,gz\n0,1,2,3\n5,4,5,6\n",
+        b"GYROFLOW IMU LOG\norientation,YxZ\ntscale,1\ngscale,1\nt,gx,gy,gz\n0,1,2,3\n5,4,5,6\n",
         b"time (us), gyroADC[0], gyroADC[1], gyroADC[2] (deg/s)\n10, 1, 2, 3\n510, 4, 5, 6\n",
     )
     yield Target("gyro log", gyro, in_file(folder / "g.gcsv", read_gyro))

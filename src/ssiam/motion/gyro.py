@@ -105,7 +105,7 @@ class GyroTrack:
         """
         ends = [
             np.stack([np.interp(time, self.times_s, axis) for axis in self._sums.T], axis=-1)
-            for time in (start_s, end_s)
+            for time in (np.asarray(start_s, np.float64), np.asarray(end_s, np.float64))
         ]
         return np.asarray(ends[1] - ends[0])
 
