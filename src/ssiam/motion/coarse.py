@@ -22,6 +22,7 @@ _WITH_EXCLUSION: Final = AlignmentSettings(
 _WITHOUT_EXCLUSION: Final = replace(
     _WITH_EXCLUSION, evenness=1.0, max_iterations=16, min_step=1e-3, tightening=0.8
 )
+_AGAIN: Final = replace(_WITHOUT_EXCLUSION, max_iterations=32)
 
 _MIN_AGREEING: Final = 0.5  # share of the textured cells; below it, another start is tried
 _DISAGREEING: Final = 0.3  # agreement below which a cell may be on an independent object
@@ -52,7 +53,8 @@ class CoarseEstimator:
         boxes: NDArray[np.float64],
         not_overlay: Floats,
         scene: Floats | None = None,
-        all_equal: bool | None = None,
+        *,
+        again: bool = False,
     ) -> Transform:
         """cur_from_prev in units.
 
@@ -70,13 +72,14 @@ class CoarseEstimator:
             0 where an overlay is drawn on the frame, else 1; a grid of any resolution.
         scene : (cells,) float32, optional
             0 for cells outside the scene, else 1.
-        all_equal : bool, optional
-            Whether all cells get equal weight and a tolerance that shrinks; by default, without
-            boxes. It is better for strong shake, and worse where few cells have texture.
+        again : bool
+            Whether an earlier estimate was wrong. Then cells are weighted as without boxes, which
+            is better for strong shake and worse where few cells have texture, and there are more
+            iterations, for strong roll.
         """
         (prev_pyramid, template), (cur_pyramid, cur_template) = prev, cur
-        all_equal = not len(boxes) if all_equal is None else all_equal
-        settings = _WITHOUT_EXCLUSION if all_equal else _WITH_EXCLUSION
+        first = _WITH_EXCLUSION if len(boxes) else _WITHOUT_EXCLUSION
+        settings = _AGAIN if again else first
         shape = self.grid.shape
         visible = cv2.resize(not_overlay, shape[::-1], interpolation=cv2.INTER_AREA)
         background_share = self.grid.background_share(boxes) * visible.ravel()

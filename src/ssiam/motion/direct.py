@@ -163,23 +163,23 @@ class DirectMotion:
     ) -> Iterator[Transform]:
         """Coarse estimates, the likeliest first, one at a time.
 
-        With boxes, strong shake needs the settings for frames without them, and where boxes cover
-        most of what has texture, the estimate needs the texture in them. The fine alignment
-        excludes the boxes from each.
+        The second one converges under stronger shake. The third is for boxes that cover most of
+        what has texture: it uses the texture in them. The fine alignment excludes the boxes from
+        each.
         """
-        attempts: list[tuple[NDArray[np.float64], bool]] = [(unit_boxes, not len(unit_boxes))]
+        attempts = [(unit_boxes, False), (unit_boxes, True)]
         if len(unit_boxes):
-            attempts += [(unit_boxes, True), (unit_boxes[:0], True)]
+            attempts.append((unit_boxes[:0], True))
         not_overlay = self._overlays.background.reshape(self._grid.shape)
         scene = _product(prev.coarse_scene, self._coarse_used)
-        for boxes, all_equal in attempts:
+        for boxes, again in attempts:
             yield self._coarse.estimate(
                 (prev.pyramid, prev.coarse),
                 (cur.pyramid, cur.coarse),
                 boxes,
                 not_overlay,
                 scene,
-                all_equal,
+                again=again,
             )
 
     def _frame_data(self, frame: Image) -> _FrameData:
