@@ -13,7 +13,7 @@ from ssiam.errors import ArgumentError
 from ssiam.integrations.host_motion import HostMotion, SceneMotion
 from ssiam.motion import CameraMotion, Motion
 
-MODELS = ("similarity", "rigid", "affine", "homography")
+MODELS = ("similarity", "rigid", "affine", "homography", "mesh")
 
 # px; most streams are small to be fast, some have less pixels than an estimator needs.
 SIZES = ((160, 90), (128, 128), (96, 160), (200, 60), (64, 48))
@@ -209,6 +209,9 @@ def _motion(camera, frame, boxes, all_finite):
 def _fault(motion):
     if not motion.is_plausible:
         return f"not plausible: {motion.cur_from_prev.tolist()}"
+    corner = Motion(motion.at((0.0, 0.0)), 1.0, True, motion.size_wh)
+    if not corner.is_plausible:
+        return f"not plausible at a corner: {corner.cur_from_prev.tolist()}"
     if not motion.reliable and not np.array_equal(motion.cur_from_prev, np.eye(3)):
         return f"not reliable, but not the identity: {motion.cur_from_prev.tolist()}"
     return ""
