@@ -42,11 +42,11 @@ def test_clock_axes_and_focal_length_are_found(orientation):
     times, motions = seen_by(track, 90, noise=0.3)
     motions[40] = Motion.none(SIZE)
     sensor = track.shifted(-offset)
-    mounted = GyroTrack(sensor.times_s, np.empty_like(sensor.rates))
+    rates = np.zeros_like(sensor.rates)
     for axis, letter in enumerate(orientation):  # the log's axes, of which these are the camera's
         sign = 1 if letter.isupper() else -1
-        mounted.rates[:, "XYZ".index(letter.upper())] = sign * sensor.rates[:, axis]
-    mounted = GyroTrack(mounted.times_s, mounted.rates)
+        rates[:, "XYZ".index(letter.upper())] = sign * sensor.rates[:, axis]
+    mounted = GyroTrack(sensor.times_s, rates)
     found = synchronize(mounted, times, motions, max_offset_s=2.0)
     assert found.orientation == orientation
     assert found.offset_s == pytest.approx(offset, abs=0.002)
