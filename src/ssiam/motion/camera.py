@@ -174,9 +174,10 @@ class CameraMotion(DeepCopied):
         motion = given
         if motion is None:
             origin_xy = area.left, area.top
-            motion = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
-            motion = motion.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
-            if content.uncertain:
+            inner = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
+            motion = inner.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
+            # A homography may be possible in the content and not in the bars around it.
+            if content.uncertain or not (motion is inner or motion.is_plausible):
                 motion = Motion.none(motion.size_wh)
         elif not changed:
             estimator.set_previous(area.of(frame))
