@@ -22,6 +22,7 @@ from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig, TargetPredi
 from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.lost import LossDetector, ReachableBox
+from ssiam.trackers.responses import Response
 
 _CONFIDENT: Final = 0.5  # score above which the target is assumed to be in the box
 _CERTAIN: Final = 0.75  # score above which a box is accepted even if it is not reachable
@@ -60,6 +61,42 @@ class FrameStep:
         return self.motion is not None and not self.motion.reliable
 
 
+@dataclass(frozen=True, eq=False)
+class FrameResponse:
+    """A tracker's response to a frame, before one of the candidates is taken.
+
+    Attributes
+    ----------
+    view : FrameView
+    response : Response
+    """
+
+    view: FrameView
+    response: Response
+
+    def xywh(self, index: int) -> XYWH:
+        """The box of a candidate, raw-frame pixels."""
+        return map_box(self.view.raw_from_stab, self.response.xywh(index))
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What a target in a group is decided to be.
+
+    Attributes
+    ----------
+    found : FrameResponse
+    index : int
+        The candidate to be taken; -1 for a target that is hidden by another one.
+    hidden_xywh : (x, y, w, h)
+        Where a hidden target is assumed to be, raw-frame pixels.
+    """
+
+    found: FrameResponse
+    index: int
+    hidden_xywh: XYWH
+
+
 class Follower(Protocol):
     """Follows one target with a `CompleteTracker`, in raw-frame pixels.
 
@@ -73,6 +110,12 @@ class Follower(Protocol):
 
     def locate(self, frame: Image, step: FrameStep) -> Track:
         """The target in `frame`; `step` is the result of `advance` for this frame."""
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """The tracker's candidates in `frame`; None if it cannot list them now."""
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """The target by a decision among the candidates of `respond`, instead of `locate`."""
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame: the tracker does not run, and the box keeps its position.
@@ -122,6 +165,14 @@ class StabilizedFollower:
             motion=step.motion,
             stab_from_raw=step.stab_from_raw,
         )
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """None: positions are not predicted, so that nothing could be decided by them."""
+        return None
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """Not called: there are no responses."""
+        raise NotImplementedError
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame, at its stabilized position."""
@@ -191,6 +242,38 @@ class PredictiveFollower:
         if self._loss.lost:
             track = Track(fallback_xywh, track.score, lost=True, evidence=track.evidence)
         return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """The candidates in `frame`; None while a lost target is searched for, and after gaps."""
+        is_simple = not (
+            self._is_searching or self._tracker_is_elsewhere or self._gap_shift_xy is not None
+        )
+        if not (is_simple and self._tracker.has_responses and self._config.predict.find):
+            return None
+        view = FrameView(frame, step.stab_from_raw, self._config.border)
+        return FrameResponse(view, self._tracker.respond(view))
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """The target by a decision among the candidates; raw-frame pixels."""
+        view = decision.found.view
+        if decision.index < 0:
+            track = self._hidden(view, decision.hidden_xywh)
+        else:
+            track = self._tracker.accept(view, decision.found.response, decision.index)
+            track = track.mapped(view.raw_from_stab, view.size_wh)
+            self._update(track, track.box)
+            if self._loss.lost:
+                track = Track(track.box, track.score, lost=True, evidence=track.evidence)
+        return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+    def _hidden(self, view: FrameView, xywh: XYWH) -> Track:
+        """A target that is hidden by another one, and assumed to be in `xywh`."""
+        self._tracker.move_to(map_box(view.stab_from_raw, xywh))
+        self._loss.update(0.0)
+        self._reachable.move_to(xywh)
+        self._prediction.coast(xywh)
+        self._last_xywh, self._is_redetected = xywh, False
+        return Track(xywh, 0.0, lost=self._loss.lost)
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame, at its position in the scene.

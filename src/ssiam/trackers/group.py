@@ -14,6 +14,8 @@ from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr, xywh
 from ssiam.motion import Motion, PrefetchingCameraMotion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
+from ssiam.trackers.followers import Decision, FrameResponse, FrameStep
+from ssiam.trackers.identities import TargetPath, decisions
 from ssiam.trackers.stabilized import StabilizedTracker
 
 Result = TypeVar("Result")
@@ -31,6 +33,10 @@ class TrackerGroup(NotPicklable):
     ----------
     tracker : StabilizedTracker
         Prototype: the group's trackers are clones of it.
+    aware : bool
+        Whether the targets know of each other: no object is taken for two of them, and identities
+        are kept when targets cross. Needs `stabilize="predict"` and a tracker that lists its
+        candidates, such as lite.
     keep_going : bool
         Whether `update` continues if a tracker raises. Its target is then reported as lost at its
         last box, `failures` has the error, and the tracker runs again in the next frame. If the
@@ -50,10 +56,14 @@ class TrackerGroup(NotPicklable):
 
     _copy_hint = "make one in each process of a tracker loaded there"
 
-    def __init__(self, tracker: StabilizedTracker, *, keep_going: bool = False) -> None:
+    def __init__(
+        self, tracker: StabilizedTracker, *, aware: bool = True, keep_going: bool = False
+    ) -> None:
         self._prototype = tracker.clone()
+        self._aware = aware
         self._keep_going = keep_going
         self._trackers: list[StabilizedTracker] = []
+        self._paths: list[TargetPath] = []
         self._exclude: Sequence[Sequence[float]] = []  # boxes left out of the next motion estimate
         self._size_wh: tuple[int, int] | None = None
         self._camera: PrefetchingCameraMotion | None = None
@@ -90,6 +100,7 @@ class TrackerGroup(NotPicklable):
         motion = None if camera is None else camera.update(frame)
         self._trackers, self._exclude, self._size_wh = trackers, list(boxes), size_wh
         self._camera, self.motion = camera, motion
+        self._paths = [TargetPath(xywh_floats(box)) for box in self._exclude]
 
     def new_tracker(self) -> StabilizedTracker:
         """A tracker of the group's kind without a target. Call its `init` before `join`."""
@@ -122,6 +133,7 @@ class TrackerGroup(NotPicklable):
         if any(each is tracker for each in self._trackers):
             raise ArgumentError("this tracker is in the group already")
         self._trackers.append(tracker)
+        self._paths.append(TargetPath(xywh))
         self._exclude = [*self._exclude, xywh]
 
     def leave(self, tracker: StabilizedTracker) -> None:
@@ -130,6 +142,7 @@ class TrackerGroup(NotPicklable):
             raise ArgumentError("this tracker is not in the group: it has left, or never joined")
         index = self._trackers.index(tracker)
         self._trackers = [*self._trackers[:index], *self._trackers[index + 1 :]]
+        self._paths = [*self._paths[:index], *self._paths[index + 1 :]]
         self._exclude = [*self._exclude[:index], *self._exclude[index + 1 :]]
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
@@ -182,12 +195,7 @@ class TrackerGroup(NotPicklable):
             and len(exclude) == len(predicted)
         ):
             self._camera.start(following, exclude=exclude)
-        located = [
-            None
-            if step is None
-            else self._attempt(failures, index, partial(tracker.locate, frame, step))
-            for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True))
-        ]
+        located = self._located(failures, frame, steps, motion)
         self.failures = failures
         tracks = [
             self._failed_track(index) if track is None else track
@@ -197,6 +205,43 @@ class TrackerGroup(NotPicklable):
             track.box if box is None else box for box, track in zip(predicted, tracks, strict=True)
         ]
         return tracks
+
+    def _located(
+        self,
+        failures: dict[int, Exception],
+        frame: Image,
+        steps: Sequence[FrameStep | None],
+        motion: Motion | None,
+    ) -> list[Track | None]:
+        """The targets in `frame`; None for those whose tracker has failed."""
+        for path in self._paths:
+            path.advance(motion)
+        responses: list[FrameResponse | None] = [None] * len(steps)
+        if self._aware and len(steps) > 1:
+            responses = [
+                None
+                if step is None
+                else self._attempt(failures, index, partial(tracker.respond, frame, step))
+                for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True))
+            ]
+        located: list[Track | None] = []
+        decided = decisions(self._paths, responses)
+        for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True)):
+            decision, response = decided[index], responses[index]
+            track = None
+            if decision is None and response is not None:
+                decision = Decision(response, response.response.best, (0.0, 0.0, 1.0, 1.0))
+            if step is not None and index not in failures:
+                work = (
+                    partial(tracker.locate, frame, step)
+                    if decision is None
+                    else partial(tracker.decide, frame, step, decision)
+                )
+                track = self._attempt(failures, index, work)
+            if track is not None and (decision is None or decision.index >= 0) and not track.lost:
+                self._paths[index].observe(track.box)
+            located.append(track)
+        return located
 
     def _attempt(
         self, failures: dict[int, Exception], index: int, work: Callable[[], Result]

@@ -88,6 +88,10 @@ class ReachableBox:
             self._scene_xywh = self._frame_xywh = xywh
             self._frames_unseen = 0
 
+    def move_to(self, xywh: XYWH) -> None:
+        """Assume that the unseen target is in `xywh` now."""
+        self._scene_xywh = self._frame_xywh = xywh
+
     def contains(self, xywh: XYWH) -> bool:
         """Whether the target can have the box `xywh` in this frame."""
         if self._frames_unseen <= 1:

@@ -1,0 +1,218 @@
+"""Which target is which: joint decisions about the candidates of targets close to each other.
+
+Each tracker of a group takes the best candidate of its own view. If two objects of a kind cross,
+that may be the same object for both targets, or the other one's. The candidates of targets close to
+each other are therefore assigned jointly: a candidate counts by its score and by its distance from
+the position that the target's path predicts, no object is assigned twice, and a target may be
+hidden by another one. Then it is assumed to move on as before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssiam.geometry import XYWH, iou, map_points
+from ssiam.motion import Motion
+from ssiam.trackers.followers import Decision, FrameResponse
+
+Floats = NDArray[np.float64]
+
+_HISTORY: Final = 12  # frames of a path from which the next position is predicted
+_NEAR: Final = 2.0  # target sizes, distance of targets whose candidates are assigned jointly
+_SAME_OBJECT: Final = 0.5  # IoU from which two candidates are one object
+_APART: Final = 0.3  # IoU below which two targets are different objects
+
+# Of the utility of a candidate.
+_MAX_LOGIT: Final = 4.0  # to which the logit of a score is clipped
+_LOGIT_WEIGHT: Final = 1.0
+_DEVIATION: Final = 0.25  # target sizes, of positions from their prediction
+_DEVIATION_GROWTH: Final = 0.04  # target sizes per frame without the target
+_MAX_DISTANCE_COST: Final = 8.0
+_HIDDEN: Final = -3.0  # utility of a target hidden by another one
+_NOT_COVERED: Final = -8.0  # the same if no other target is at its predicted position
+_COVERED: Final = 0.2  # IoU of the predicted box with another target's from which it is covered
+_MAX_JOINT: Final = 4  # targets whose candidates are assigned by trying all assignments
+
+
+class TargetPath:
+    """The path of a target in the scene, and its prediction at constant speed.
+
+    Parameters
+    ----------
+    xywh : (x, y, w, h)
+        Raw-frame pixels.
+    """
+
+    def __init__(self, xywh: XYWH) -> None:
+        self._xywh = xywh
+        self._centers = [_center(xywh)]  # in the current frame
+        self._ages = [0]  # frames since each of them
+        self.seen_apart = False
+
+    @property
+    def frames_unseen(self) -> int:
+        """Frames since the target's last box."""
+        return self._ages[-1]
+
+    @property
+    def size(self) -> float:
+        """Geometric mean of the target's sides, pixels."""
+        return math.sqrt(self._xywh[2] * self._xywh[3])
+
+    def advance(self, motion: Motion | None) -> None:
+        """Move on to the next frame, reached by `motion`."""
+        self._ages = [age + 1 for age in self._ages]
+        if motion is None:
+            return
+        if motion.reliable:
+            self._centers = list(map_points(motion.cur_from_prev, self._centers))
+        else:
+            self._centers, self._ages = self._centers[-1:], self._ages[-1:]
+
+    def observe(self, xywh: XYWH) -> None:
+        """Take `xywh` as the target's box in the current frame."""
+        self._xywh = xywh
+        self._centers = [*self._centers, _center(xywh)][-_HISTORY:]
+        self._ages = [*self._ages, 0][-_HISTORY:]
+
+    def predicted(self) -> XYWH:
+        """The target's box in the current frame at constant speed; raw-frame pixels."""
+        centers, ages = np.array(self._centers), np.array(self._ages, np.float64)
+        time = ages.mean() - ages
+        spread = float(time @ time)
+        speed = time @ (centers - centers.mean(axis=0)) / spread if spread else np.zeros(2)
+        x, y = (centers[-1] + speed * ages[-1]).tolist()
+        _, _, w, h = self._xywh
+        return x - w / 2, y - h / 2, w, h
+
+
+@dataclass(frozen=True)
+class _Option:
+    index: int  # of the candidate; -1 for a hidden target
+    xywh: XYWH  # raw-frame pixels
+    utility: float
+
+
+def decisions(
+    paths: Sequence[TargetPath], responses: Sequence[FrameResponse | None]
+) -> list[Decision | None]:
+    """Decisions for the targets that are close to each other; None for the others.
+
+    Parameters
+    ----------
+    paths : sequence of TargetPath
+        In the current frame.
+    responses : sequence of FrameResponse or None
+        None for targets about which nothing can be decided.
+    """
+    predicted = [path.predicted() for path in paths]
+    result: list[Decision | None] = [None] * len(paths)
+    for group in _close_targets(paths, predicted, responses):
+        options = [_options(paths[i], predicted[i], responses[i]) for i in group]
+        chosen = _assigned(options, [predicted[i] for i in group])
+        for i, option in zip(group, chosen, strict=True):
+            response = responses[i]
+            assert response is not None
+            result[i] = Decision(response, option.index, option.xywh)
+    return result
+
+
+def _close_targets(
+    paths: Sequence[TargetPath],
+    predicted: Sequence[XYWH],
+    responses: Sequence[FrameResponse | None],
+) -> list[list[int]]:
+    """Groups of indices of targets with a response that are close to each other."""
+    group_of = {i: [i] for i, response in enumerate(responses) if response is not None}
+    for i, j in combinations(list(group_of), 2):
+        if group_of[i] is group_of[j]:
+            continue
+        size = (paths[i].size + paths[j].size) / 2
+        distance = float(np.linalg.norm(_center(predicted[i]) - _center(predicted[j])))
+        first, second = responses[i], responses[j]
+        assert first is not None and second is not None
+        taken = [each.xywh(each.response.best) for each in (first, second)]
+        if distance < _NEAR * size or float(iou(*taken)) > _SAME_OBJECT:
+            merged = group_of[i] + group_of[j]
+            for k in merged:
+                group_of[k] = merged
+    groups = {id(group): group for group in group_of.values()}
+    return [sorted(group) for group in groups.values() if len(group) > 1]
+
+
+def _options(path: TargetPath, predicted: XYWH, found: FrameResponse | None) -> list[_Option]:
+    """The candidates of a target by descending utility, hidden the last one."""
+    assert found is not None
+    deviation = _DEVIATION + _DEVIATION_GROWTH * (path.frames_unseen - 1)
+    options = []
+    for index in found.response.objects:
+        xywh = found.xywh(index)
+        score = float(np.clip(found.response.score[index], 1e-9, 1 - 1e-9))
+        logit = float(np.clip(math.log(score / (1 - score)), -_MAX_LOGIT, _MAX_LOGIT))
+        distance = float(np.linalg.norm(_center(xywh) - _center(predicted))) / path.size
+        cost = min((distance / deviation) ** 2 / 2, _MAX_DISTANCE_COST)
+        options.append(_Option(index, xywh, _LOGIT_WEIGHT * logit - cost))
+    options.sort(key=lambda option: -option.utility)
+    return [*options, _Option(-1, predicted, _HIDDEN)]
+
+
+def _assigned(options: Sequence[list[_Option]], predicted: Sequence[XYWH]) -> list[_Option]:
+    """The options, one for each target, of the highest sum of utilities without a conflict."""
+    if len(options) > _MAX_JOINT:
+        return _greedy(options)
+    best, best_utility = [each[-1] for each in options], -math.inf
+    for chosen in _combinations(options, []):
+        utility = sum(_utility(option, chosen) for option in chosen)
+        if utility > best_utility:
+            best, best_utility = chosen, utility
+    return best
+
+
+def _combinations(
+    options: Sequence[list[_Option]], chosen: list[_Option]
+) -> Iterator[list[_Option]]:
+    """All choices of one option for each target in which no object is chosen twice."""
+    if len(chosen) == len(options):
+        yield chosen
+        return
+    for option in options[len(chosen)]:
+        if not any(_is_same(option, other) for other in chosen):
+            yield from _combinations(options, [*chosen, option])
+
+
+def _greedy(options: Sequence[list[_Option]]) -> list[_Option]:
+    """The option of the highest utility is chosen first."""
+    chosen: dict[int, _Option] = {}
+    pairs = [(option, target) for target, each in enumerate(options) for option in each]
+    for option, target in sorted(pairs, key=lambda pair: -pair[0].utility):
+        if target not in chosen and not any(_is_same(option, each) for each in chosen.values()):
+            chosen[target] = option
+    return [chosen[target] for target in range(len(options))]
+
+
+def _is_same(option: _Option, other: _Option) -> bool:
+    """Whether two options are one visible object."""
+    return min(option.index, other.index) >= 0 and float(iou(option.xywh, other.xywh)) > (
+        _SAME_OBJECT
+    )
+
+
+def _utility(option: _Option, chosen: Sequence[_Option]) -> float:
+    """The utility of an option; lower for a hidden target that nothing covers."""
+    if option.index >= 0:
+        return option.utility
+    visible = [each.xywh for each in chosen if each.index >= 0]
+    covered = any(float(iou(option.xywh, each)) > _COVERED for each in visible)
+    return _HIDDEN if covered else _NOT_COVERED
+
+
+def _center(xywh: XYWH) -> Floats:
+    x, y, w, h = xywh
+    return np.array([x + w / 2, y + h / 2])
