@@ -88,13 +88,16 @@ class Decision:
     found : FrameResponse
     index : int
         The candidate to be taken; -1 for a target that is hidden by another one.
-    hidden_xywh : (x, y, w, h)
-        Where a hidden target is assumed to be, raw-frame pixels.
+    is_clear : bool
+        Whether the candidate's box is that of the target alone.
+    assumed_xywh : (x, y, w, h)
+        Where the target is assumed to be if its box is not clear, raw-frame pixels.
     """
 
     found: FrameResponse
     index: int
-    hidden_xywh: XYWH
+    is_clear: bool
+    assumed_xywh: XYWH
 
 
 class Follower(Protocol):
@@ -257,10 +260,13 @@ class PredictiveFollower:
         """The target by a decision among the candidates; raw-frame pixels."""
         view = decision.found.view
         if decision.index < 0:
-            track = self._hidden(view, decision.hidden_xywh)
+            track = self._hidden(view, decision.assumed_xywh)
         else:
             track = self._tracker.accept(view, decision.found.response, decision.index)
             track = track.mapped(view.raw_from_stab, view.size_wh)
+            if not decision.is_clear:
+                track = Track(decision.assumed_xywh, track.score, evidence=track.evidence)
+                self._tracker.move_to(map_box(view.stab_from_raw, decision.assumed_xywh))
             self._update(track, track.box)
             if self._loss.lost:
                 track = Track(track.box, track.score, lost=True, evidence=track.evidence)

@@ -230,7 +230,7 @@ class TrackerGroup(NotPicklable):
             decision, response = decided[index], responses[index]
             track = None
             if decision is None and response is not None:
-                decision = Decision(response, response.response.best, (0.0, 0.0, 1.0, 1.0))
+                decision = Decision(response, response.response.best, True, self._paths[index].predicted)
             if step is not None and index not in failures:
                 work = (
                     partial(tracker.locate, frame, step)
@@ -238,8 +238,10 @@ class TrackerGroup(NotPicklable):
                     else partial(tracker.decide, frame, step, decision)
                 )
                 track = self._attempt(failures, index, work)
-            if track is not None and (decision is None or decision.index >= 0) and not track.lost:
+            if track is not None and not track.lost and (decision is None or decision.is_clear):
                 self._paths[index].observe(track.box)
+            elif decision is not None and decision.index >= 0:
+                self._paths[index].observe_unclear(decision.found.xywh(decision.index))
             located.append(track)
         return located
 

@@ -24,10 +24,13 @@ from ssiam.trackers.followers import Decision, FrameResponse
 
 Floats = NDArray[np.float64]
 
-_HISTORY: Final = 12  # frames of a path from which the next position is predicted
+_HISTORY: Final = 15  # frames of a path by which its speed is known
+_MIN_HISTORY: Final = 4  # boxes from which a speed is known
+_UNCLEAR_GAIN: Final = 0.2  # share by which a path follows a box that is not clear
+_MAX_SIDE_RATIO: Final = 1.3  # of a side to the last clear one
+_MAX_SIZE_RATIO: Final = 2.0  # of two targets that can be confused
 _NEAR: Final = 2.0  # target sizes, distance of targets whose candidates are assigned jointly
 _SAME_OBJECT: Final = 0.5  # IoU from which two candidates are one object
-_APART: Final = 0.3  # IoU below which two targets are different objects
 
 # Of the utility of a candidate.
 _MAX_LOGIT: Final = 4.0  # to which the logit of a score is clipped
@@ -37,6 +40,7 @@ _DEVIATION_GROWTH: Final = 0.04  # target sizes per frame without the target
 _MAX_DISTANCE_COST: Final = 8.0
 _HIDDEN: Final = -3.0  # utility of a target hidden by another one
 _NOT_COVERED: Final = -8.0  # the same if no other target is at its predicted position
+_CONTACT: Final = 0.05  # IoU of two predicted boxes from which the targets may touch
 _COVERED: Final = 0.2  # IoU of the predicted box with another target's from which it is covered
 _MAX_JOINT: Final = 4  # targets whose candidates are assigned by trying all assignments
 
@@ -51,46 +55,58 @@ class TargetPath:
     """
 
     def __init__(self, xywh: XYWH) -> None:
-        self._xywh = xywh
-        self._centers = [_center(xywh)]  # in the current frame
+        self._size_wh = xywh[2:]
+        self._center = _center(xywh)  # estimate for the current frame
+        self._speed = np.zeros(2)  # in the scene, px per frame
+        self._centers: list[Floats] = [self._center]  # the last clear ones, in the current frame
         self._ages = [0]  # frames since each of them
-        self.seen_apart = False
-
-    @property
-    def frames_unseen(self) -> int:
-        """Frames since the target's last box."""
-        return self._ages[-1]
+        self.frames_unclear = 0
 
     @property
     def size(self) -> float:
         """Geometric mean of the target's sides, pixels."""
-        return math.sqrt(self._xywh[2] * self._xywh[3])
+        return math.sqrt(self._size_wh[0] * self._size_wh[1])
+
+    @property
+    def predicted(self) -> XYWH:
+        """The target's box in the current frame at constant speed; raw-frame pixels."""
+        (x, y), (w, h) = self._center.tolist(), self._size_wh
+        return x - w / 2, y - h / 2, w, h
 
     def advance(self, motion: Motion | None) -> None:
         """Move on to the next frame, reached by `motion`."""
+        self.frames_unclear += 1
         self._ages = [age + 1 for age in self._ages]
-        if motion is None:
-            return
-        if motion.reliable:
-            self._centers = list(map_points(motion.cur_from_prev, self._centers))
-        else:
-            self._centers, self._ages = self._centers[-1:], self._ages[-1:]
+        if motion is not None and motion.reliable:
+            points = [*self._centers, self._center]
+            *self._centers, self._center = map_points(motion.cur_from_prev, points)
+        elif motion is not None:
+            self._centers, self._ages = [], []
+        self._center = self._center + self._speed
 
     def observe(self, xywh: XYWH) -> None:
         """Take `xywh` as the target's box in the current frame."""
-        self._xywh = xywh
-        self._centers = [*self._centers, _center(xywh)][-_HISTORY:]
-        self._ages = [*self._ages, 0][-_HISTORY:]
+        recent = [i for i, age in enumerate(self._ages) if age < _HISTORY]
+        self._center, self._size_wh = _center(xywh), xywh[2:]
+        self._centers = [*(self._centers[i] for i in recent), self._center]
+        self._ages = [*(self._ages[i] for i in recent), 0]
+        self.frames_unclear = 0
+        if len(self._ages) >= _MIN_HISTORY:
+            ages = np.array(self._ages, np.float64)
+            time = ages.mean() - ages
+            self._speed = np.asarray(time @ np.array(self._centers) / (time @ time))
 
-    def predicted(self) -> XYWH:
-        """The target's box in the current frame at constant speed; raw-frame pixels."""
-        centers, ages = np.array(self._centers), np.array(self._ages, np.float64)
-        time = ages.mean() - ages
-        spread = float(time @ time)
-        speed = time @ (centers - centers.mean(axis=0)) / spread if spread else np.zeros(2)
-        x, y = (centers[-1] + speed * ages[-1]).tolist()
-        _, _, w, h = self._xywh
-        return x - w / 2, y - h / 2, w, h
+    def observe_unclear(self, xywh: XYWH) -> None:
+        """Move toward `xywh`, a box that may be partly on another target."""
+        if self.fits(xywh):
+            self._center = self._center + _UNCLEAR_GAIN * (_center(xywh) - self._center)
+
+    def fits(self, xywh: XYWH) -> bool:
+        """Whether the target can have the size of a box: not that of parts or of two objects."""
+        return all(
+            1 / _MAX_SIDE_RATIO < now / last < _MAX_SIDE_RATIO
+            for now, last in zip(xywh[2:], self._size_wh, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -112,16 +128,33 @@ def decisions(
     responses : sequence of FrameResponse or None
         None for targets about which nothing can be decided.
     """
-    predicted = [path.predicted() for path in paths]
+    predicted = [path.predicted for path in paths]
     result: list[Decision | None] = [None] * len(paths)
     for group in _close_targets(paths, predicted, responses):
         options = [_options(paths[i], predicted[i], responses[i]) for i in group]
-        chosen = _assigned(options, [predicted[i] for i in group])
-        for i, option in zip(group, chosen, strict=True):
+        chosen = _assigned(options)
+        clear = _are_clear(options, chosen)
+        for i, option, is_clear in zip(group, chosen, clear, strict=True):
             response = responses[i]
             assert response is not None
-            result[i] = Decision(response, option.index, option.xywh)
+            overlapped = any(iou(predicted[i], predicted[j]) > _CONTACT for j in group if j != i)
+            is_clear &= not overlapped or paths[i].fits(option.xywh)
+            result[i] = Decision(response, option.index, is_clear, predicted[i])
     return result
+
+
+def _are_clear(options: Sequence[list[_Option]], chosen: Sequence[_Option]) -> list[bool]:
+    """Whether each target has a candidate that no other target prefers or has taken."""
+    favorites = [each[0] for each in options]
+    return [
+        option.index >= 0
+        and not any(
+            _is_same(option, other)
+            for i, other in enumerate(favorites)
+            if favorites[i] is not favorites[target]
+        )
+        for target, option in enumerate(chosen)
+    ]
 
 
 def _close_targets(
@@ -134,10 +167,14 @@ def _close_targets(
     for i, j in combinations(list(group_of), 2):
         if group_of[i] is group_of[j]:
             continue
+        sizes = paths[i].size, paths[j].size
+        if max(sizes) > _MAX_SIZE_RATIO * min(sizes):
+            continue
         size = (paths[i].size + paths[j].size) / 2
         distance = float(np.linalg.norm(_center(predicted[i]) - _center(predicted[j])))
         first, second = responses[i], responses[j]
-        assert first is not None and second is not None
+        assert first is not None
+        assert second is not None
         taken = [each.xywh(each.response.best) for each in (first, second)]
         if distance < _NEAR * size or float(iou(*taken)) > _SAME_OBJECT:
             merged = group_of[i] + group_of[j]
@@ -150,7 +187,7 @@ def _close_targets(
 def _options(path: TargetPath, predicted: XYWH, found: FrameResponse | None) -> list[_Option]:
     """The candidates of a target by descending utility, hidden the last one."""
     assert found is not None
-    deviation = _DEVIATION + _DEVIATION_GROWTH * (path.frames_unseen - 1)
+    deviation = _DEVIATION + _DEVIATION_GROWTH * (path.frames_unclear - 1)
     options = []
     for index in found.response.objects:
         xywh = found.xywh(index)
@@ -163,7 +200,7 @@ def _options(path: TargetPath, predicted: XYWH, found: FrameResponse | None) -> 
     return [*options, _Option(-1, predicted, _HIDDEN)]
 
 
-def _assigned(options: Sequence[list[_Option]], predicted: Sequence[XYWH]) -> list[_Option]:
+def _assigned(options: Sequence[list[_Option]]) -> list[_Option]:
     """The options, one for each target, of the highest sum of utilities without a conflict."""
     if len(options) > _MAX_JOINT:
         return _greedy(options)
