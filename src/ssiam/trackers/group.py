@@ -230,7 +230,9 @@ class TrackerGroup(NotPicklable):
             decision, response = decided[index], responses[index]
             track = None
             if decision is None and response is not None:
-                decision = Decision(response, response.response.best, True, self._paths[index].predicted)
+                decision = Decision(
+                    response, response.response.best, True, self._paths[index].predicted
+                )
             if step is not None and index not in failures:
                 work = (
                     partial(tracker.locate, frame, step)

@@ -26,7 +26,9 @@ Floats = NDArray[np.float64]
 
 _HISTORY: Final = 15  # frames of a path by which its speed is known
 _MIN_HISTORY: Final = 4  # boxes from which a speed is known
+_SPEED_DECAY: Final = 0.97  # of the speed, per frame without a clear box
 _UNCLEAR_GAIN: Final = 0.2  # share by which a path follows a box that is not clear
+_SIZE_GAIN: Final = 0.1  # share by which a path's size follows a clear box
 _MAX_SIDE_RATIO: Final = 1.3  # of a side to the last clear one
 _MAX_SIZE_RATIO: Final = 2.0  # of two targets that can be confused
 _NEAR: Final = 2.0  # target sizes, distance of targets whose candidates are assigned jointly
@@ -40,7 +42,7 @@ _DEVIATION_GROWTH: Final = 0.04  # target sizes per frame without the target
 _MAX_DISTANCE_COST: Final = 8.0
 _HIDDEN: Final = -3.0  # utility of a target hidden by another one
 _NOT_COVERED: Final = -8.0  # the same if no other target is at its predicted position
-_CONTACT: Final = 0.05  # IoU of two predicted boxes from which the targets may touch
+_CONTACT: Final = 1.2  # distance of two targets that may touch, in their mean sides
 _COVERED: Final = 0.2  # IoU of the predicted box with another target's from which it is covered
 _MAX_JOINT: Final = 4  # targets whose candidates are assigned by trying all assignments
 
@@ -55,7 +57,7 @@ class TargetPath:
     """
 
     def __init__(self, xywh: XYWH) -> None:
-        self._size_wh = xywh[2:]
+        self._size_wh = np.array(xywh[2:])  # follows the boxes slowly
         self._center = _center(xywh)  # estimate for the current frame
         self._speed = np.zeros(2)  # in the scene, px per frame
         self._centers: list[Floats] = [self._center]  # the last clear ones, in the current frame
@@ -65,12 +67,12 @@ class TargetPath:
     @property
     def size(self) -> float:
         """Geometric mean of the target's sides, pixels."""
-        return math.sqrt(self._size_wh[0] * self._size_wh[1])
+        return math.sqrt(float(self._size_wh.prod()))
 
     @property
     def predicted(self) -> XYWH:
         """The target's box in the current frame at constant speed; raw-frame pixels."""
-        (x, y), (w, h) = self._center.tolist(), self._size_wh
+        (x, y), (w, h) = self._center.tolist(), self._size_wh.tolist()
         return x - w / 2, y - h / 2, w, h
 
     def advance(self, motion: Motion | None) -> None:
@@ -83,11 +85,13 @@ class TargetPath:
         elif motion is not None:
             self._centers, self._ages = [], []
         self._center = self._center + self._speed
+        self._speed = self._speed * _SPEED_DECAY
 
     def observe(self, xywh: XYWH) -> None:
         """Take `xywh` as the target's box in the current frame."""
         recent = [i for i, age in enumerate(self._ages) if age < _HISTORY]
-        self._center, self._size_wh = _center(xywh), xywh[2:]
+        self._center = _center(xywh)
+        self._size_wh = self._size_wh + _SIZE_GAIN * (np.array(xywh[2:]) - self._size_wh)
         self._centers = [*(self._centers[i] for i in recent), self._center]
         self._ages = [*(self._ages[i] for i in recent), 0]
         self.frames_unclear = 0
@@ -105,7 +109,7 @@ class TargetPath:
         """Whether the target can have the size of a box: not that of parts or of two objects."""
         return all(
             1 / _MAX_SIDE_RATIO < now / last < _MAX_SIDE_RATIO
-            for now, last in zip(xywh[2:], self._size_wh, strict=True)
+            for now, last in zip(xywh[2:], self._size_wh.tolist(), strict=True)
         )
 
 
@@ -137,8 +141,8 @@ def decisions(
         for i, option, is_clear in zip(group, chosen, clear, strict=True):
             response = responses[i]
             assert response is not None
-            overlapped = any(iou(predicted[i], predicted[j]) > _CONTACT for j in group if j != i)
-            is_clear &= not overlapped or paths[i].fits(option.xywh)
+            touched = any(_touch(predicted[i], predicted[j]) for j in group if j != i)
+            is_clear &= not touched or paths[i].fits(option.xywh)
             result[i] = Decision(response, option.index, is_clear, predicted[i])
     return result
 
@@ -248,6 +252,12 @@ def _utility(option: _Option, chosen: Sequence[_Option]) -> float:
     visible = [each.xywh for each in chosen if each.index >= 0]
     covered = any(float(iou(option.xywh, each)) > _COVERED for each in visible)
     return _HIDDEN if covered else _NOT_COVERED
+
+
+def _touch(xywh: XYWH, other: XYWH) -> bool:
+    """Whether two predicted targets are so close that they may touch."""
+    reach = _CONTACT * (np.array(xywh[2:]) + other[2:]) / 2
+    return bool((np.abs(_center(xywh) - _center(other)) < reach).all())
 
 
 def _center(xywh: XYWH) -> Floats:
