@@ -30,7 +30,7 @@ from benchmarks.lost.clips import (
 from ssiam.datasets import VideoSequence
 from ssiam.geometry import Image
 
-LENGTHS = (75, 150, 300, 750)  # frames: 3 to 30 s at 25 frames a second
+LENGTHS = (75, 150, 75, 300, 75, 750)  # frames: 3 to 30 s at 25 frames a second
 START, AFTER = 60, 80  # frames before and after
 PAN_SPEED = 0.04  # widths per frame, at most
 MIN_PAN = 98  # frames of a pan of 1.3 widths and back

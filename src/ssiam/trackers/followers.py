@@ -10,19 +10,23 @@ re-detected.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, iou, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig, TargetPredictor
 from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker
+from ssiam.trackers.global_search import GlobalSearch
 from ssiam.trackers.lost import LossDetector, ReachableBox
+from ssiam.trackers.recognition import TargetRecognition
 from ssiam.trackers.responses import Response
+from ssiam.trackers.scenes import SceneMemory
 
 _CONFIDENT: Final = 0.5  # score above which the target is assumed to be in the box
 _CERTAIN: Final = 0.75  # score above which a box is accepted even if it is not reachable
@@ -32,6 +36,11 @@ _SEARCH_PATTERN: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0
 _SEARCH_REACH: Final = (1.0, 4.0)  # target sizes: minimum and maximum
 _SEARCH_GROWTH: Final = 0.1  # target sizes per frame
 _DISTINCT: Final = 0.7  # target sizes, minimum distance of two different objects
+# The search of a lost target: which of four successive frames search what.
+_PREDICTED_TURNS: Final = (0, 3)  # at the prediction
+_ELSEWHERE_TURNS: Final = (1, 2, 3)  # around the last positions; in the whole frame; the same
+_UNSEEN: Final = 4  # frames without a likely box after which a box may be on another object
+_TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
 
 
@@ -111,8 +120,11 @@ class Follower(Protocol):
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, reached by `motion`."""
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
-        """The target in `frame`; `step` is the result of `advance` for this frame."""
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
+        """The target in `frame`; `step` is the result of `advance` for this frame.
+
+        `taken` are the boxes of other targets, where a lost one is not found; raw-frame pixels.
+        """
 
     def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
         """The tracker's candidates in `frame`; None if it cannot list them now."""
@@ -155,7 +167,7 @@ class StabilizedFollower:
         raw_from_stab = np.asarray(np.linalg.inv(stab_from_raw))
         return FrameStep(motion, stab_from_raw, map_box(raw_from_stab, self._stab_xywh))
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The target in `frame`, raw-frame pixels."""
         view = FrameView(frame, step.stab_from_raw, self._border)
         track = self._tracker.update(view)
@@ -212,6 +224,11 @@ class PredictiveFollower:
         # Expected displacement over the preceding blank frames of a target of known speed.
         self._gap_shift_xy: tuple[float, float] | None = None
         self._tracker_is_elsewhere = False  # the tracker's last box is not the reported one
+        self._scenes = SceneMemory()
+        self._recognition = TargetRecognition()
+        self._global_search = GlobalSearch()
+        self._must_be_recognized = False  # the box may be on another object
+        self._is_promising = False  # the last search found something at the prediction
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, and predict the target's box in it.
@@ -224,6 +241,8 @@ class PredictiveFollower:
         if motion is None:
             raise ArgumentError('no motion given: stabilize="predict" needs that of each frame')
         self._reachable.advance(motion)
+        if not motion.reliable or self._reachable.frames_unseen >= _UNSEEN:
+            self._must_be_recognized = True
         if motion.reliable:
             self._last_xywh = map_box(motion.cur_from_prev, self._last_xywh)
         elif not self._loss.lost:  # a cut: the video may return to this scene later
@@ -231,17 +250,18 @@ class PredictiveFollower:
         predicted = self._prediction.update(motion)
         return FrameStep(motion, self._prediction.stab_from_raw, predicted, predicted)
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The target in `frame`, raw-frame pixels."""
         view = FrameView(frame, step.stab_from_raw, self._config.border)
         if self._is_searching and not self._is_redetected:
-            track, fallback_xywh = self._search(view, step.search_xywh)
+            track, fallback_xywh = self._search(view, step.search_xywh, taken)
         else:
             track = self._track(view, step.search_xywh)
             if self._gap_shift_xy is not None and self._tracker.can_seek:
                 track = self._after_gap(view, track, step.search_xywh, self._gap_shift_xy)
             fallback_xywh = track.box
-        self._update(track, fallback_xywh)
+        self._update(view, track, fallback_xywh)
+        self._observe(view, track)
         if self._loss.lost:
             track = Track(fallback_xywh, track.score, lost=True, evidence=track.evidence)
         return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
@@ -267,7 +287,9 @@ class PredictiveFollower:
             if not decision.is_clear:
                 track = Track(decision.assumed_xywh, track.score, evidence=track.evidence)
                 self._tracker.move_to(map_box(view.stab_from_raw, decision.assumed_xywh))
-            self._update(track, track.box)
+            self._update(view, track, track.box)
+            if decision.is_clear:
+                self._observe(view, track)
             if self._loss.lost:
                 track = Track(track.box, track.score, lost=True, evidence=track.evidence)
         return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
@@ -344,25 +366,61 @@ class PredictiveFollower:
         self._tracker_is_elsewhere = True
         return track.with_changes(score=0.0)
 
-    def _search(self, view: FrameView, predicted_xywh: XYWH) -> tuple[Track, XYWH]:
-        """Search a lost target at its predicted box, and then at the next search position.
+    def _search(
+        self, view: FrameView, predicted_xywh: XYWH, taken: Sequence[XYWH]
+    ) -> tuple[Track, XYWH]:
+        """Search a lost target at the prediction, around its last positions, and everywhere.
 
-        Returns the chosen track, and the box found around the prediction, which is reported while
-        the target is lost.
+        One place is searched in a frame, and in every fourth frame two. Returns the chosen track,
+        and the box around the prediction, which is reported while the target is lost.
         """
-        predicted = self._seek(view, predicted_xywh)
-        if predicted.score > _LIKELY and self._is_plausible(predicted):
-            return predicted, predicted.box
-        other = self._seek(view, self._search_box(self._loss.frames_lost))
-        is_found = other.score > max(predicted.score, _CERTAIN)
-        return (other if is_found else predicted), predicted.box
+        turn = self._loss.frames_lost % 4
+        found, fallback_xywh = Track(predicted_xywh, 0.0), predicted_xywh
+        if turn in _PREDICTED_TURNS or self._is_promising:
+            predicted = self._seek(view, predicted_xywh)
+            fallback_xywh = predicted.box
+            self._is_promising = predicted.score > _LIKELY and self._is_plausible(predicted)
+            if self._is_promising and self._is_target(view, predicted, taken):
+                return predicted, fallback_xywh
+            found = Track(fallback_xywh, min(predicted.score, _LIKELY), evidence=predicted.evidence)
+        if turn not in _ELSEWHERE_TURNS:
+            return found, fallback_xywh
+        if turn == _ELSEWHERE_TURNS[0]:
+            window = self._scenes.find(view.raw) or self._search_box(self._loss.frames_lost)
+        else:
+            window = self._global_search.window(view.raw, self._last_xywh[2:])
+        other = self._seek(view, window)
+        if other.score > _CERTAIN and self._is_target(view, other, taken):
+            self._loss.doubt()
+            return other, fallback_xywh
+        return found, fallback_xywh
+
+    def _is_target(self, view: FrameView, track: Track, taken: Sequence[XYWH] = ()) -> bool:
+        """Whether what was found is the target, and not one of another tracker in `taken`."""
+        if any(float(iou(track.box, each)) > _TAKEN for each in taken):
+            return False
+        stab_xywh = map_box(view.stab_from_raw, track.box)
+        return self._recognition.is_target(self._tracker, view, stab_xywh)
+
+    def _observe(self, view: FrameView, track: Track) -> None:
+        """Remember the scene and the look of a target that is tracked."""
+        if self._loss.lost or track.score < _LIKELY or not self._tracker.can_seek:
+            return
+        self._scenes.observe(view.raw, track.box)
+        if track.score > _CONFIDENT:
+            self._global_search.observe(view.raw, track.box)
+        stab_xywh = map_box(view.stab_from_raw, track.box)
+        self._recognition.observe(self._tracker, view, stab_xywh, track.score)
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
         return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
 
-    def _update(self, track: Track, fallback_xywh: XYWH) -> None:
+    def _update(self, view: FrameView, track: Track, fallback_xywh: XYWH) -> None:
         plausible = self._is_plausible(track)
+        if plausible and self._must_be_recognized and track.score > _LIKELY:
+            plausible = self._is_target(view, track)
+            self._must_be_recognized = not plausible
         if self._config.predict.find:
             self._loss.update(track.score if plausible else 0.0)
         if track.score > _LIKELY and not self._loss.lost:

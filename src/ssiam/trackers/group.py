@@ -228,6 +228,11 @@ class TrackerGroup(NotPicklable):
         decided = decisions(self._paths, responses)
         for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True)):
             decision, response = decided[index], responses[index]
+            others = [
+                path.predicted
+                for other, path in enumerate(self._paths)
+                if other != index and path.frames_unclear <= 1 and self._aware
+            ]
             track = None
             if decision is None and response is not None:
                 decision = Decision(
@@ -235,7 +240,7 @@ class TrackerGroup(NotPicklable):
                 )
             if step is not None and index not in failures:
                 work = (
-                    partial(tracker.locate, frame, step)
+                    partial(tracker.locate, frame, step, others)
                     if decision is None
                     else partial(tracker.decide, frame, step, decision)
                 )
