@@ -382,7 +382,7 @@ class PredictiveFollower:
             self._is_promising = predicted.score > _LIKELY and self._is_plausible(predicted)
             if self._is_promising and self._is_target(view, predicted, taken):
                 return predicted, fallback_xywh
-            found = Track(fallback_xywh, min(predicted.score, _LIKELY), evidence=predicted.evidence)
+            found = Track(fallback_xywh, 0.0) if self._is_promising else predicted
         if turn not in _ELSEWHERE_TURNS:
             return found, fallback_xywh
         if turn == _ELSEWHERE_TURNS[0]:
