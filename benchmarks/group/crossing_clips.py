@@ -162,7 +162,7 @@ def drawn_clip(seed: int) -> CrossingClip:
     width, height = SIZE_WH
     gray = _noise(rng, (2 * width, 2 * height), 12).mean(axis=2, keepdims=True)
     background = gray * 30 + rng.uniform(70, 180, 3)
-    drift = np.cumsum(rng.normal(0, 0.6, (FRAMES, 2)), axis=0) + (width / 2, height / 2)
+    drift = np.cumsum(rng.normal(0, 0.6, (FRAMES, 2)), axis=0) + np.divide(SIZE_WH, 2)
     wide = np.clip(background, 0, 255).astype(np.uint8)
     frames = partial(_drawn_frames, wide, drift, (back, front), seed)
     return CrossingClip(f"drawn {seed}", frames, np.stack([back.boxes(), front.boxes()]))

@@ -13,8 +13,8 @@ from ssiam.trackers.template_memory import (
     MemoryParameters,
     TemplateMemoryTracker,
     beside,
-    relative_feature,
     diversity,
+    relative_feature,
     selected_slot,
 )
 

@@ -34,11 +34,13 @@ _LIKELY: Final = 0.25  # score above which the box is stored as the target's las
 # Offsets of the successive search positions, in units of the search's reach.
 _SEARCH_PATTERN: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
 _SEARCH_REACH: Final = (1.0, 4.0)  # target sizes: minimum and maximum
-_SEARCH_GROWTH: Final = 0.1  # target sizes per frame
+_SEARCH_GROWTH: Final = 0.5  # target sizes per search
 _DISTINCT: Final = 0.7  # target sizes, minimum distance of two different objects
-# The search of a lost target: which of four successive frames search what.
-_PREDICTED_TURNS: Final = (0, 3)  # at the prediction
-_ELSEWHERE_TURNS: Final = (1, 2, 3)  # around the last positions; in the whole frame; the same
+# The search of a lost target: which of `_TURNS` successive frames search what.
+_TURNS: Final = 8
+_PREDICTED_TURNS: Final = (0, 2, 4, 6)  # at the prediction
+_LAST_TURNS: Final = (1, 5)  # where it was in this scene, or around the last positions
+_GLOBAL_TURNS: Final = (3, 4, 7)  # in the whole frame
 _UNSEEN: Final = 4  # frames without a likely box after which a box may be on another object
 _TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
@@ -228,6 +230,7 @@ class PredictiveFollower:
         self._recognition = TargetRecognition()
         self._global_search = GlobalSearch()
         self._must_be_recognized = False  # the box may be on another object
+        self._looks = 0  # number of searches around the last positions
         self._is_promising = False  # the last search found something at the prediction
 
     def advance(self, motion: Motion | None) -> FrameStep:
@@ -256,6 +259,9 @@ class PredictiveFollower:
         if self._is_searching and not self._is_redetected:
             track, fallback_xywh = self._search(view, step.search_xywh, taken)
         else:
+            if not self._loss.lost:
+                self._looks = 0
+                self._global_search.restart()
             track = self._track(view, step.search_xywh)
             if self._gap_shift_xy is not None and self._tracker.can_seek:
                 track = self._after_gap(view, track, step.search_xywh, self._gap_shift_xy)
@@ -371,10 +377,10 @@ class PredictiveFollower:
     ) -> tuple[Track, XYWH]:
         """Search a lost target at the prediction, around its last positions, and everywhere.
 
-        One place is searched in a frame, and in every fourth frame two. Returns the chosen track,
+        One place is searched in a frame, and in every eighth frame two. Returns the chosen track,
         and the box around the prediction, which is reported while the target is lost.
         """
-        turn = self._loss.frames_lost % 4
+        turn = self._loss.frames_lost % _TURNS
         found, fallback_xywh = Track(predicted_xywh, 0.0), predicted_xywh
         if turn in _PREDICTED_TURNS or self._is_promising:
             predicted = self._seek(view, predicted_xywh)
@@ -383,12 +389,13 @@ class PredictiveFollower:
             if self._is_promising and self._is_target(view, predicted, taken):
                 return predicted, fallback_xywh
             found = Track(fallback_xywh, 0.0) if self._is_promising else predicted
-        if turn not in _ELSEWHERE_TURNS:
-            return found, fallback_xywh
-        if turn == _ELSEWHERE_TURNS[0]:
-            window = self._scenes.find(view.raw) or self._search_box(self._loss.frames_lost)
-        else:
+        if turn in _LAST_TURNS:
+            self._looks += 1
+            window = self._scenes.find(view.raw) or self._search_box(self._looks)
+        elif turn in _GLOBAL_TURNS:
             window = self._global_search.window(view.raw, self._last_xywh[2:])
+        else:
+            return found, fallback_xywh
         other = self._seek(view, window)
         if other.score > _CERTAIN and self._is_target(view, other, taken):
             self._loss.doubt()
@@ -438,10 +445,10 @@ class PredictiveFollower:
         """Whether the target can have this box, or the score is high enough to accept any box."""
         return track.score > _CERTAIN or self._reachable.contains(track.box)
 
-    def _search_box(self, frames_lost: int) -> XYWH:
-        """The box around which a lost target is searched in this frame."""
-        x, y, w, h = self._before_cut_xywh if frames_lost % 4 == 2 else self._last_xywh
+    def _search_box(self, looks: int) -> XYWH:
+        """The box of a search around the last positions, by the number of those before it."""
+        x, y, w, h = self._before_cut_xywh if looks % 4 == 2 else self._last_xywh
         min_reach, max_reach = _SEARCH_REACH
-        reach = min(min_reach + _SEARCH_GROWTH * frames_lost, max_reach) * math.sqrt(w * h)
-        dx, dy = _SEARCH_PATTERN[frames_lost % len(_SEARCH_PATTERN)]
+        reach = min(min_reach + _SEARCH_GROWTH * looks, max_reach) * math.sqrt(w * h)
+        dx, dy = _SEARCH_PATTERN[looks % len(_SEARCH_PATTERN)]
         return x + dx * reach, y + dy * reach, w, h

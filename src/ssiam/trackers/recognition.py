@@ -21,7 +21,7 @@ from ssiam.trackers.template_memory import beside, relative_feature
 Floats = NDArray[np.float64]
 
 _MIN_SCORE: Final = 0.8  # from which a box is a sample of the target
-_FIRST_INTERVAL, _MAX_INTERVAL = 10, 40  # frames between two samples; doubled each time
+_FIRST_INTERVAL, _MAX_INTERVAL = 10, 80  # frames between two samples; doubled each time
 _MAX_SAMPLES: Final = 6
 _MIN_SIMILARITY: Final = 0.35
 _SHARE: Final = 0.7  # of the samples' own similarity that the target must have

@@ -16,7 +16,8 @@ from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH, Image
 
 _SIDE: Final = 64  # px, width of a picture
-_INTERVAL: Final = 10  # frames between two pictures
+_SAMPLES: Final = 4  # pixels of a frame along each side of a pixel of a picture
+_INTERVAL: Final = 20  # frames between two pictures
 _MAX_SCENES: Final = 8
 _SAME_SCENE: Final = 0.3  # of a side, maximum shift of a picture that replaces the last one
 _MIN_CORRELATION: Final = 0.6  # of two pictures of one scene, where they overlap
@@ -42,7 +43,7 @@ class SceneMemory(DeepCopied):
         self._turn = 0
 
     def observe(self, frame: Image, xywh: XYWH) -> None:
-        """Take a picture of a frame in which the target is in `xywh`, at most one in ten frames."""
+        """Take a picture of a frame in which the target is in `xywh`, at most one in twenty."""
         self._age += 1
         if self._age < _INTERVAL:
             return
@@ -76,7 +77,8 @@ class SceneMemory(DeepCopied):
 def _picture(frame: Image) -> Picture:
     height, width = frame.shape[:2]
     rows = max(round(_SIDE * height / width), 8)
-    small = cv2.resize(frame, (_SIDE, rows), interpolation=cv2.INTER_AREA)
+    step = max(width // (_SIDE * _SAMPLES), 1)
+    small = cv2.resize(frame[::step, ::step], (_SIDE, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.float32)
 
 
