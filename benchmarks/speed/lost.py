@@ -32,7 +32,7 @@ WARM_UP = 45  # frames until a covered target is searched for
 def without_memory(tracker: StabilizedTracker) -> None:
     """Leave out what is remembered of a tracked target for a later search."""
     follower = tracker._target.follower  # type: ignore[union-attr]
-    follower._observe = lambda view, track: None  # type: ignore[method-assign, union-attr]
+    follower._observe = lambda view, track: None  # type: ignore[union-attr]
 
 
 def covered(frame: Image, box: tuple[float, ...]) -> Image:
