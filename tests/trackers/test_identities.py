@@ -77,11 +77,11 @@ def test_each_target_takes_the_object_on_its_path():
 
 
 def test_of_two_targets_with_one_object_one_is_hidden():
-    paths = [moved_path(100, 0.0), moved_path(106, 0.0)]
+    paths = [moved_path(100, 0.0), moved_path(110, 0.0)]
     found = [response((box(100), 0.9)), response((box(100), 0.7))]
     visible, hidden = decisions(paths, found)
     assert (visible.index, hidden.index) == (0, -1)
-    assert hidden.assumed_xywh == pytest.approx(box(106))
+    assert hidden.assumed_xywh == pytest.approx(box(110))
     assert not visible.is_clear
 
 
@@ -95,6 +95,21 @@ def test_targets_of_very_different_size_are_not_confused():
     paths = [moved_path(100, 0.0), TargetPath((90.0, 90.0, 60.0, 80.0))]
     found = [response((box(100), 0.9)), response(((90.0, 90.0, 60.0, 80.0), 0.9))]
     assert decisions(paths, found) == [None, None]
+
+
+def test_an_object_that_was_given_twice_is_tracked_twice():
+    paths = [moved_path(100, 0.0), moved_path(102, 0.0)]
+    found = [response((box(100), 0.9)), response((box(100), 0.9))]
+    assert decisions(paths, found) == [None, None]
+
+
+def test_a_lost_target_rests():
+    path = moved_path(100, 3.0)
+    path.rest_at(box(150))
+    path.advance(STILL)
+    assert path.predicted == pytest.approx(box(150))
+    path.observe(box(152))
+    assert path.predicted == pytest.approx(box(152))
 
 
 @pytest.mark.parametrize("aware", [True, False])

@@ -226,29 +226,20 @@ class TrackerGroup(NotPicklable):
             ]
         located: list[Track | None] = []
         decided = decisions(self._paths, responses)
+        clear = [(path, path.predicted) for path in self._paths if path.frames_unclear <= 1]
         for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True)):
-            decision, response = decided[index], responses[index]
-            others = [
-                path.predicted
-                for other, path in enumerate(self._paths)
-                if other != index and path.frames_unclear <= 1 and self._aware
-            ]
+            path, response, decision = self._paths[index], responses[index], decided[index]
             track = None
-            if decision is None and response is not None:
-                decision = Decision(
-                    response, response.response.best, True, self._paths[index].predicted
-                )
             if step is not None and index not in failures:
-                work = (
-                    partial(tracker.locate, frame, step, others)
-                    if decision is None
-                    else partial(tracker.decide, frame, step, decision)
-                )
+                if response is None:
+                    others = [xywh for other, xywh in clear if other is not path and self._aware]
+                    work = partial(tracker.locate, frame, step, others)
+                else:
+                    alone = Decision(response, response.response.best, True, path.predicted)
+                    work = partial(tracker.decide, frame, step, decision or alone)
                 track = self._attempt(failures, index, work)
-            if track is not None and not track.lost and (decision is None or decision.is_clear):
-                self._paths[index].observe(track.box)
-            elif decision is not None and decision.index >= 0:
-                self._paths[index].observe_unclear(decision.found.xywh(decision.index))
+            if track is not None:
+                _observe(path, track, decision)
             located.append(track)
         return located
 
@@ -293,6 +284,16 @@ class TrackerGroup(NotPicklable):
         if self._size_wh is None:
             raise ArgumentError("no target yet: call init(frame, boxes) first")
         return self._size_wh
+
+
+def _observe(path: TargetPath, track: Track, decision: Decision | None) -> None:
+    """Continue a target's path by its track, which was decided or is the tracker's own choice."""
+    if not track.lost and (decision is None or decision.is_clear):
+        path.observe(track.box)
+    elif decision is None:
+        path.rest_at(track.box)
+    elif decision.index >= 0:
+        path.observe_unclear(decision.found.xywh(decision.index))
 
 
 def _box_list(boxes: Any) -> list[Any]:

@@ -31,6 +31,7 @@ _UNCLEAR_GAIN: Final = 0.2  # share by which a path follows a box that is not cl
 _SIZE_GAIN: Final = 0.1  # share by which a path's size follows a clear box
 _MAX_SIDE_RATIO: Final = 1.3  # of a side to the last clear one
 _MAX_SIZE_RATIO: Final = 2.0  # of two targets that can be confused
+_FAR: Final = 3.0  # sums of two targets' sizes, distance from which they share no candidate
 _NEAR: Final = 2.0  # target sizes, distance of targets whose candidates are assigned jointly
 _SAME_OBJECT: Final = 0.5  # IoU from which two candidates are one object
 
@@ -100,6 +101,11 @@ class TargetPath:
             time = ages.mean() - ages
             self._speed = np.asarray(time @ np.array(self._centers) / (time @ time))
 
+    def rest_at(self, xywh: XYWH) -> None:
+        """Assume that the lost target stays in `xywh`."""
+        self._center, self._speed = _center(xywh), np.zeros(2)
+        self._centers, self._ages = [], []
+
     def observe_unclear(self, xywh: XYWH) -> None:
         """Move toward `xywh`, a box that may be partly on another target."""
         if self.fits(xywh):
@@ -167,25 +173,32 @@ def _close_targets(
     responses: Sequence[FrameResponse | None],
 ) -> list[list[int]]:
     """Groups of indices of targets with a response that are close to each other."""
-    group_of = {i: [i] for i, response in enumerate(responses) if response is not None}
-    for i, j in combinations(list(group_of), 2):
+    best = {
+        i: found.xywh(found.response.best) for i, found in enumerate(responses) if found is not None
+    }
+    group_of = {i: [i] for i in best}
+    for i, j in combinations(best, 2):
         if group_of[i] is group_of[j]:
             continue
         sizes = paths[i].size, paths[j].size
-        if max(sizes) > _MAX_SIZE_RATIO * min(sizes):
+        (x, y, w, h), (u, v, p, q) = predicted[i], predicted[j]
+        distance = math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2)
+        if max(sizes) > _MAX_SIZE_RATIO * min(sizes) or distance > _FAR * sum(sizes):
             continue
-        size = (paths[i].size + paths[j].size) / 2
-        distance = float(np.linalg.norm(_center(predicted[i]) - _center(predicted[j])))
-        first, second = responses[i], responses[j]
-        assert first is not None
-        assert second is not None
-        taken = [each.xywh(each.response.best) for each in (first, second)]
-        if distance < _NEAR * size or float(iou(*taken)) > _SAME_OBJECT:
+        if distance < _NEAR * sum(sizes) / 2 or float(iou(best[i], best[j])) > _SAME_OBJECT:
+            if _are_one_object(paths[i], paths[j]):
+                continue
             merged = group_of[i] + group_of[j]
             for k in merged:
                 group_of[k] = merged
     groups = {id(group): group for group in group_of.values()}
     return [sorted(group) for group in groups.values() if len(group) > 1]
+
+
+def _are_one_object(path: TargetPath, other: TargetPath) -> bool:
+    """Whether two targets are one object by the will of the caller, who has given it twice."""
+    are_clear = max(path.frames_unclear, other.frames_unclear) <= 1
+    return are_clear and float(iou(path.predicted, other.predicted)) > _SAME_OBJECT
 
 
 def _options(path: TargetPath, predicted: XYWH, found: FrameResponse | None) -> list[_Option]:
