@@ -1,7 +1,6 @@
 """Re-detection of targets that were away for 3 to 30 s.
 
-    python benchmarks/lost/away.py [--trackers lite] [--data FOLDER] [--kinds pan cut]
-        [--everywhere on off] [--verbose]
+    python benchmarks/lost/away.py [--trackers lite] [--data FOLDER] [--kinds pan cut] [--verbose]
 
 The clips of benchmarks/lost/away_clips.py; every tracker is started once, on the first frame. The
 goals: the target is re-detected within 60 frames of its return in >= 85 % of the cases; another
