@@ -51,7 +51,9 @@ class Section:
     notes: Sequence[str] = ()
 
 
-def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> list[Path]:
+def write_page(
+    folder: Path, sections: Sequence[Section], explanation: str, *, title: str = _TITLE
+) -> list[Path]:
     """Write ``tables.md``, ``tables.html`` and a PNG for each figure.
 
     Returns
@@ -65,8 +67,8 @@ def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> l
         One of them cannot be written.
     """
     files = {
-        "tables.md": markdown(sections, explanation).encode(),
-        PAGE: page(sections, explanation).encode(),
+        "tables.md": markdown(sections, explanation, title).encode(),
+        PAGE: page(sections, explanation, title).encode(),
         **{f"{each.name}.png": each.png for section in sections for each in section.figures},
     }
     make_folder(folder)
@@ -76,9 +78,9 @@ def write_page(folder: Path, sections: Sequence[Section], explanation: str) -> l
     return [folder / name for name in files]
 
 
-def markdown(sections: Sequence[Section], explanation: str) -> str:
+def markdown(sections: Sequence[Section], explanation: str, title: str = _TITLE) -> str:
     """All sections as Markdown with aligned columns; figures are links to PNG files."""
-    parts = [f"# {_TITLE}", explanation]
+    parts = [f"# {title}", explanation]
     for section in sections:
         parts.append(f"## {section.title}")
         parts += [markdown_table(each) for each in section.tables]
@@ -105,9 +107,9 @@ def markdown_table(table: Table) -> str:
     return "\n\n".join([f"### {table.title}", "\n".join(lines), *below])
 
 
-def page(sections: Sequence[Section], explanation: str) -> str:
+def page(sections: Sequence[Section], explanation: str, title: str = _TITLE) -> str:
     """All sections as one HTML page with embedded figures and style."""
-    body = [f"<h1>{_TITLE}</h1>", f"<p>{html.escape(explanation)}</p>"]
+    body = [f"<h1>{html.escape(title)}</h1>", f"<p>{html.escape(explanation)}</p>"]
     for section in sections:
         body.append(f"<h2>{html.escape(section.title)}</h2>")
         body += [_html_table(each) for each in section.tables]
@@ -116,7 +118,7 @@ def page(sections: Sequence[Section], explanation: str) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{_TITLE}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(body)
         + "\n</body>\n</html>\n"
     )

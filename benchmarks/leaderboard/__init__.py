@@ -1,0 +1,1 @@
+"""Every tracker with weights, with each stabilization, under shake."""
