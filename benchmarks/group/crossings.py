@@ -5,8 +5,8 @@
 Two targets of one `TrackerGroup` are tracked through the clips of
 benchmarks/group/crossing_clips.py, with and without the group's knowledge of each other. The set
 "report" has the crossings of TUD-Campus, PETS09-S3-MF1 and urban-intersection (at present, all in
-TUD-Campus), which no network was trained on, and drawn clips up to 40 in all; it only reports. The set "choose" has those of
-ADL-Rundle-6, and other drawn clips; parameters are chosen on it.
+TUD-Campus), which no network was trained on, and drawn clips up to 40 in all; it only reports. The
+set "choose" has those of ADL-Rundle-6, and other drawn clips; parameters are chosen on it.
 
 The outcome is decided by the last five frames in which both targets are annotated. Kept: the median
 IoU with the own object is at least .3, and more than with the other. Swapped: with the other, the

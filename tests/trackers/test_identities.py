@@ -98,9 +98,11 @@ def test_targets_of_very_different_size_are_not_confused():
 
 
 def test_an_object_that_was_given_twice_is_tracked_twice():
-    paths = [moved_path(100, 0.0), moved_path(102, 0.0)]
+    first = TargetPath(box(100))
     found = [response((box(100), 0.9)), response((box(100), 0.9))]
-    assert decisions(paths, found) == [None, None]
+    assert decisions([first, TargetPath(box(102), [first])], found) == [None, None]
+    assert decisions([TargetPath(box(102), [first]), first], found) == [None, None]
+    assert None not in decisions([first, TargetPath(box(112), [first])], found)
 
 
 def test_a_lost_target_rests():

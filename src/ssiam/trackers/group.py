@@ -100,7 +100,9 @@ class TrackerGroup(NotPicklable):
         motion = None if camera is None else camera.update(frame)
         self._trackers, self._exclude, self._size_wh = trackers, list(boxes), size_wh
         self._camera, self.motion = camera, motion
-        self._paths = [TargetPath(xywh_floats(box)) for box in self._exclude]
+        self._paths = []
+        for box in self._exclude:
+            self._paths.append(TargetPath(xywh_floats(box), self._paths))
 
     def new_tracker(self) -> StabilizedTracker:
         """A tracker of the group's kind without a target. Call its `init` before `join`."""
@@ -133,7 +135,7 @@ class TrackerGroup(NotPicklable):
         if any(each is tracker for each in self._trackers):
             raise ArgumentError("this tracker is in the group already")
         self._trackers.append(tracker)
-        self._paths.append(TargetPath(xywh))
+        self._paths.append(TargetPath(xywh, self._paths))
         self._exclude = [*self._exclude, xywh]
 
     def leave(self, tracker: StabilizedTracker) -> None:

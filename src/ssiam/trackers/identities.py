@@ -55,9 +55,13 @@ class TargetPath:
     ----------
     xywh : (x, y, w, h)
         Raw-frame pixels.
+    others : sequence of TargetPath
+        Of earlier targets, in the same frame. Those in the same box are one object with this one,
+        by the will of the caller, and are never decided jointly with it.
     """
 
-    def __init__(self, xywh: XYWH) -> None:
+    def __init__(self, xywh: XYWH, others: Sequence[TargetPath] = ()) -> None:
+        self._twins = [each for each in others if iou(each.predicted, xywh) > _SAME_OBJECT]
         self._size_wh = np.array(xywh[2:])  # follows the boxes slowly
         self._center = _center(xywh)  # estimate for the current frame
         self._speed = np.zeros(2)  # in the scene, px per frame
@@ -75,6 +79,12 @@ class TargetPath:
         """The target's box in the current frame at constant speed; raw-frame pixels."""
         (x, y), (w, h) = self._center.tolist(), self._size_wh.tolist()
         return x - w / 2, y - h / 2, w, h
+
+    def is_twin_of(self, other: TargetPath) -> bool:
+        """Whether the two targets were given as one object."""
+        return any(each is other for each in self._twins) or any(
+            each is self for each in other._twins
+        )
 
     def advance(self, motion: Motion | None) -> None:
         """Move on to the next frame, reached by `motion`."""
@@ -186,19 +196,13 @@ def _close_targets(
         if max(sizes) > _MAX_SIZE_RATIO * min(sizes) or distance > _FAR * sum(sizes):
             continue
         if distance < _NEAR * sum(sizes) / 2 or float(iou(best[i], best[j])) > _SAME_OBJECT:
-            if _are_one_object(paths[i], paths[j]):
+            if paths[i].is_twin_of(paths[j]):
                 continue
             merged = group_of[i] + group_of[j]
             for k in merged:
                 group_of[k] = merged
     groups = {id(group): group for group in group_of.values()}
     return [sorted(group) for group in groups.values() if len(group) > 1]
-
-
-def _are_one_object(path: TargetPath, other: TargetPath) -> bool:
-    """Whether two targets are one object by the will of the caller, who has given it twice."""
-    are_clear = max(path.frames_unclear, other.frames_unclear) <= 1
-    return are_clear and float(iou(path.predicted, other.predicted)) > _SAME_OBJECT
 
 
 def _options(path: TargetPath, predicted: XYWH, found: FrameResponse | None) -> list[_Option]:
