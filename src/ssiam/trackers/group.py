@@ -101,8 +101,8 @@ class TrackerGroup(NotPicklable):
         self._trackers, self._exclude, self._size_wh = trackers, list(boxes), size_wh
         self._camera, self.motion = camera, motion
         self._paths = []
-        for box in self._exclude:
-            self._paths.append(TargetPath(xywh_floats(box), self._paths))
+        for each in self._exclude:
+            self._paths.append(TargetPath(xywh_floats(each), self._paths))
 
     def new_tracker(self) -> StabilizedTracker:
         """A tracker of the group's kind without a target. Call its `init` before `join`."""
