@@ -16,6 +16,7 @@ from stat import S_ISDIR, S_ISREG, S_ISVTX, S_IWOTH
 from types import TracebackType
 from typing import IO, Any, TypeAlias, TypeVar
 
+from ssiam.addresses import display_name, has_scheme
 from ssiam.errors import ArgumentError, SinkError
 
 NamedPath: TypeAlias = tuple[str, Path]
@@ -88,6 +89,7 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
         It cannot be written, or exists and must not be replaced.
     """
     try:
+        _check_no_address(path)
         if not path.parent.is_dir():
             raise SinkError(f"{path}: there is no folder {path.parent}; create it first")
         if path.is_dir():
@@ -159,12 +161,19 @@ def make_folder(path: Path, *, exist_ok: bool = True) -> None:
         It cannot be created.
     """
     try:
+        _check_no_address(path)
         missing = list(takewhile(lambda parent: not parent.exists(), path.parents))
         for parent in reversed(missing):
             parent.mkdir(_folder_mode(parent), exist_ok=True)
         path.mkdir(_folder_mode(path), exist_ok=exist_ok)
     except OSError as error:
         raise output_error(path, error) from error
+
+
+def _check_no_address(path: Path) -> None:
+    """Raise `SinkError` for an address, of whose password a folder or a message would be made."""
+    if has_scheme(str(path)) and not os.path.lexists(path.parts[0]):
+        raise SinkError(f"{display_name(str(path))}: is an address; outputs are files and folders")
 
 
 def _folder_mode(path: Path) -> int:

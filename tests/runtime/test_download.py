@@ -73,7 +73,7 @@ REFUSED = {
     "shorter than it says": ({"length": 1000}, "has 1000 bytes, the published file has 256000"),
     "no such file": ({"status": 404}, "the server answers 404"),
     "broken server": ({"status": 503}, "the server answers 503, after 0 bytes"),
-    "to a file": ({"redirects": 1, "target": "file:///etc/hostname"}, "is not allowed"),
+    "to a file": ({"redirects": 1, "target": "file:///etc/hostname"}, "is not followed"),
     "redirections without end": ({"redirects": 10**6}, "the server answers 302"),
 }
 
