@@ -87,12 +87,19 @@ def _without_beginnings(text: str, forms: Sequence[str], shown: str, least: int)
     for form in forms:
         start = 0
         while (start := text.find(form[:least], start)) >= 0:
-            found = [os.path.commonprefix([each, text[start:]]) for each in forms]
-            end = start + max(map(len, found))
+            end = start + max(_common(each, text[start : start + len(each)]) for each in forms)
             if end > start + len(shown) or not text.startswith(shown, start):
                 text = text[:start] + shown + text[end:]
             start += len(shown)
     return text
+
+
+def _common(first: str, second: str) -> int:
+    """Number of characters with which both begin."""
+    return next(
+        (index for index, pair in enumerate(zip(first, second)) if pair[0] != pair[1]),
+        min(len(first), len(second)),
+    )
 
 
 def _parts(address: str) -> list[str]:
