@@ -97,7 +97,11 @@ def _without_beginnings(text: str, forms: Sequence[str], shown: str, least: int)
 def _common(first: str, second: str) -> int:
     """Number of characters with which both begin."""
     return next(
-        (index for index, pair in enumerate(zip(first, second)) if pair[0] != pair[1]),
+        (
+            index
+            for index, pair in enumerate(zip(first, second, strict=False))
+            if pair[0] != pair[1]
+        ),
         min(len(first), len(second)),
     )
 

@@ -115,8 +115,8 @@ class _Transfer:
             self.is_complete = True
             return ""
         request = urllib.request.Request(self.file.address, headers={"User-Agent": "ssiam"})
-        tag = self.tag.read_text("ascii", "replace") if self.tag.exists() else ""
-        if self.received and tag:
+        tag = self.tag.read_text("latin-1") if self.tag.exists() else ""
+        if self.received and _TAG.fullmatch(tag):
             request.add_header("Range", f"bytes={self.received}-")
             request.add_header("If-Range", tag)
         try:
