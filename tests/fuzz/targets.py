@@ -380,8 +380,8 @@ def _training_targets(folder: Path) -> Iterable[Target]:
     yield set_of("tracks", folder / "tracks", track / "meta.json", tracks)
     frames = write_voc(folder / "voc_video", {"1": [("car", ("20", "30", "60", "50"))]})
     yield set_of("voc_video", frames, frames / "Annotations/1.xml")
-    lines = [(frame, 1, 2, 3, 15, 14, 1, 1, 1) for frame in range(1, 5)]
-    people = on_disk.write_mot(folder / "mot", "MOT17-02", lines)
+    rows = [(frame, 1, 2, 3, 15, 14, 1, 1, 1) for frame in range(1, 5)]
+    people = on_disk.write_mot(folder / "mot", "MOT17-02", rows)
     yield set_of("mot", folder / "mot", people / "gt/gt.txt")
     davis = write_davis(folder / "davis")
     yield set_of("davis", davis, davis / "Annotations/480p/bear/00000.png")

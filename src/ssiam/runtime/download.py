@@ -64,14 +64,15 @@ def download(file: PublishedFile, folder: Path, progress: ReceivedBytes | None =
     target = folder / file.name
     make_folder(folder)
     transfer = _Transfer(file, target.with_name(f"{target.name}.part"), progress)
-    failures = 0
+    failures, most = 0, transfer.received
     try:
         while not transfer.is_complete:
-            before = transfer.received
             reason = transfer.attempt()
             if transfer.is_complete:
                 break
-            failures = failures + 1 if transfer.received <= before else 1
+            # Bytes that are discarded and received again are no progress.
+            failures = failures + 1 if transfer.received <= most else 1
+            most = max(most, transfer.received)
             if failures == _ATTEMPTS:
                 raise WeightsError(
                     f"{file.address}: {reason}, after {transfer.received} bytes; run the command "
