@@ -90,7 +90,7 @@ def _download_target(folder: Path) -> Target:
     chunks = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n80\r\n%b\r\n0\r\n\r\n"
     cut = head + _CONTENT[:128]
     seeds = (head + _CONTENT, cut, part + _CONTENT[128:], moved, chunks % _CONTENT[:128])
-    return Target("download", seeds, read, 2, server.close)
+    return Target("download", seeds, read, 1, server.close)
 
 
 def _encoded(format: str, codec: str, pixels: str = "yuv420p") -> bytes:
@@ -196,7 +196,7 @@ def _mavlink_targets() -> Iterable[Target]:
     stack.callback(udp.close)
     station = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     station.connect((HERE, port))
-    yield Target("MAVLink over UDP", packets, executed(udp, station.send), 4, stack.close)
+    yield Target("MAVLink over UDP", packets, executed(udp, station.send), 2, stack.close)
     listener = stack.enter_context(socket.create_server((HERE, 0)))
     tcp = open_link(f"tcp:{HERE}:{listener.getsockname()[1]}")
     stack.callback(tcp.close)
@@ -210,4 +210,4 @@ def _mavlink_targets() -> Iterable[Target]:
                 pass
         peer.send(data)
 
-    yield Target("MAVLink over TCP", packets, executed(tcp, send), 4)
+    yield Target("MAVLink over TCP", packets, executed(tcp, send), 2)

@@ -195,7 +195,7 @@ def _clip_targets(folder: Path, layout: Callable[..., Target]) -> Iterable[Targe
             write_workspace(target, competitors, stack=chosen, sequences=sequences, force=True)
 
         path = folder / name / file
-        return Target(f"VOT workspace's {name}", (path.read_bytes(),), in_file(path, write), 4)
+        return Target(f"VOT workspace's {name}", (path.read_bytes(),), in_file(path, write), 2)
 
     yield workspace("list", "sequences/list.txt")
     yield workspace("truth", "sequences/bag/groundtruth.txt")
