@@ -19,7 +19,7 @@ $(READY) $(PLAIN_READY): pyproject.toml
 		|| { echo "ssiam needs Python 3.10 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(@D)
 	$(@D)/bin/python -m pip install --quiet --upgrade pip
-	$(@D)/bin/python -m pip install --quiet --editable '.$(EXTRAS)'
+	$(@D)/bin/python -m pip install --quiet --no-compile --editable '.$(EXTRAS)'
 	@touch $@
 
 demo: $(PLAIN_READY)

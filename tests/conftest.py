@@ -1,4 +1,5 @@
 import os
+import signal
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,8 @@ from hypothesis import settings
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 
 cv2.setNumThreads(1)
+# A shell starts background jobs with SIGINT ignored, and child processes inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 # A busy machine is no failure.
 settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")

@@ -14,6 +14,7 @@ import pytest
 from markdown_it import MarkdownIt
 
 from ssiam.cli.main import app
+from ssiam.video import VideoSink, open_source
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -47,6 +48,7 @@ dx, dy, angle = 3.0, 4.0, 0.01
 TESTED_ELSEWHERE = {"docs/how-to/mavlink.md", "docs/how-to/other-trackers.md"}
 # Pages whose commands all run on the example clip.
 RUNS = {"docs/tutorials/first-target.md"}
+FRAMES = 40  # of the example clip, for these pages
 
 
 def blocks(page, *languages):
@@ -128,7 +130,16 @@ def test_commands_are_understood(page):
 
 
 @pytest.mark.parametrize("page", page_params([ROOT / name for name in sorted(RUNS)]))
-def test_commands_run(page, folder):
+def test_commands_run(page, tmp_path, monkeypatch):
+    (tmp_path / "examples").mkdir()
+    with (
+        open_source(CLIP) as source,
+        VideoSink(tmp_path / "examples" / CLIP.name, source.fps) as sink,
+    ):
+        for frame, _ in zip(source, range(FRAMES), strict=False):
+            sink.write(frame.image)
+    shutil.copyfile(tmp_path / "examples" / CLIP.name, tmp_path / "clip.mp4")
+    monkeypatch.chdir(tmp_path)
     for program, *arguments in commands(page):
         if program != "ssiam":
             continue

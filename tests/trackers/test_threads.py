@@ -24,7 +24,7 @@ ALEX, R50, MASK = "siamrpn_alex_dwxcorr", "siamrpn_r50_l234_dwxcorr", "siammask_
 @pytest.fixture(scope="module")
 def frames(request):
     with open_source(request.config.rootpath / "examples" / "shaky-walker.mp4") as source:
-        return [frame.image for frame, _ in zip(source, range(12), strict=False)]
+        return [frame.image for frame, _ in zip(source, range(6), strict=False)]
 
 
 BOXES = [  # the walker, and three parts of the scene
