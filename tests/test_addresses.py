@@ -86,11 +86,11 @@ MISTYPED = [
 ]
 COMMANDS = {
     "track": ["track", "SOURCE", "--box", "1,2,30,40"],
-    "page": ["track", "SOURCE"],
+    "page": ["track", "SOURCE", "--tracker", "kcf"],
     "pick": ["track", "SOURCE", "--pick"],
     "backward": ["track", "SOURCE", "--backward", "--box", "5:1,2,30,40"],
-    "headless": ["live", "SOURCE", "--headless"],
-    "live": ["live", "SOURCE"],
+    "headless": ["live", "SOURCE", "--headless", "--tracker", "kcf"],
+    "live": ["live", "SOURCE", "--tracker", "kcf"],
     "surplus": ["track", "clip.mp4", "SOURCE"],
     "option": ["track", "clip.mp4", "--threads=SOURCE"],
     "value": ["track", "clip.mp4", "--box", "SOURCE"],
