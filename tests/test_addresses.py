@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import traceback
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +15,14 @@ from helpers.video_clips import write_clip
 from ssiam.addresses import display_name, redact_address, redact_words, stack_of
 from ssiam.cli import main
 from ssiam.cli.track_run import SourceOptions
-from ssiam.errors import SourceError
+from ssiam.errors import ArgumentError, SinkError, SourceError
+from ssiam.evaluation.runs.parallel import in_parallel
+from ssiam.outputs import check_output, make_folder
 from ssiam.video import Source, open_source
 from ssiam.video.reversing import check_reversible
 from ssiam.web.feeds.opening import open_feed
 from ssiam.web.feeds.paced import PacedFeed
+from ssiam.web.mavlink.links import open_link
 
 REDACTED = [
     ("rtsp://cam/live", "rtsp://cam/live"),
@@ -81,11 +86,11 @@ MISTYPED = [
 ]
 COMMANDS = {
     "track": ["track", "SOURCE", "--box", "1,2,30,40"],
-    "page": ["track", "SOURCE"],
+    "page": ["track", "SOURCE", "--tracker", "kcf"],
     "pick": ["track", "SOURCE", "--pick"],
     "backward": ["track", "SOURCE", "--backward", "--box", "5:1,2,30,40"],
-    "headless": ["live", "SOURCE", "--headless"],
-    "live": ["live", "SOURCE"],
+    "headless": ["live", "SOURCE", "--headless", "--tracker", "kcf"],
+    "live": ["live", "SOURCE", "--tracker", "kcf"],
     "surplus": ["track", "clip.mp4", "SOURCE"],
     "option": ["track", "clip.mp4", "--threads=SOURCE"],
     "value": ["track", "clip.mp4", "--box", "SOURCE"],
@@ -152,3 +157,59 @@ def test_a_stack_has_no_text_of_the_error():
     assert "RuntimeError" in stack
     assert "in test_a_stack_has_no_text" in stack
     assert "hunter2@" not in stack
+
+
+LONG = "hunter2" * 20  # is cut off in messages
+SHORTENED = [
+    f"rtsp://anna:{LONG}@127.0.0.1:9/live",
+    f"rtsp:/anna:{LONG}@127.0.0.1:9/live",
+    f"http://127.0.0.1:9/live?token={LONG}",
+    f"anna:{LONG}@127.0.0.1/live",
+    f"rtsp://anna:x\\y'{LONG}@127.0.0.1:9/live",
+    "rtsp://anna:\thunter2@127.0.0.1:9/live",
+    "rtsp://anna:hunter2\udce9@127.0.0.1:9/live",
+]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["track", "x.mp4", "--box"], ["track", "x.mp4", "--raw"], ["export", "x.csv", "--fps"]],
+)
+def test_shortened_and_escaped_quotes_contain_no_password(words, capsys):
+    """Messages quote the first 40 or 80 characters, or the repr of a part."""
+    if words[0] == "export":
+        words = ["export", "x.csv", "--to", "coco", "--out", "x.json", "--size", "4x4", "--fps"]
+    for address in SHORTENED:
+        assert main([*words, address]) == 2
+        assert "hunter" not in capsys.readouterr().err, address
+
+
+def test_a_link_says_no_password(caplog):
+    address = "tcp:anna:hunter2@nowhere.invalid:5760"
+    link = open_link(address)
+    link.read(0)
+    link.close()
+    assert "nowhere.invalid:5760" in caplog.text
+    with pytest.raises(ArgumentError, match="5760") as caught:
+        open_link(address.replace("tcp", "udpout"))
+    assert "hunter2" not in caplog.text + str(caught.value)
+
+
+def test_no_folder_is_named_like_an_address(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for write in (make_folder, check_output):
+        for address in ("rtsp://anna:hunter2@cam/live", "rtmp:/cam/anna?key=hunter2"):
+            with pytest.raises(SinkError, match="is an address") as caught:
+                write(Path(address))
+            assert "hunter2" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+    make_folder(tmp_path / "rtsp:")
+    make_folder(Path("rtsp:/kept"))
+
+
+def test_the_cause_of_an_unreachable_scheduler_has_no_password():
+    pytest.importorskip("distributed")
+    address = "tcp://anna:hunter2@127.0.0.1:9"
+    with pytest.raises(ArgumentError, match=r"127\.0\.0\.1:9") as caught:
+        list(in_parallel(str, ["1"], 1, cluster=address, failed=lambda item, reason: reason))
+    assert "hunter2" not in "".join(traceback.format_exception(caught.value))

@@ -99,7 +99,7 @@ def absence_clips(
         name = f"{each.name} {kind} {start}+{length}"
         rng = np.random.default_rng(zlib.crc32(name.encode()))
         try:
-            clip = _MAKERS[kind](sequences, each, start, length, timing.after, rng)
+            clip = MAKERS[kind](sequences, each, start, length, timing.after, rng)
         except UnsuitableError as error:
             reasons[name] = str(error)
         else:
@@ -117,7 +117,7 @@ def _covered(
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """The sequence with a piece of its background covering the target."""
-    boxes = _true_boxes(sequence, start + length + after)
+    boxes = true_boxes(sequence, start + length + after)
     distance = _distance(start, length, len(boxes))
     offset = np.where(distance > 0, COVER_MARGIN + distance / SLIDE, 0) * rng.choice((-1, 1))
     offset[:start] *= -1  # it enters from one side and leaves at the other
@@ -137,9 +137,9 @@ def _texture_window(
     """A window x, y, w, h of the target's size in a frame, clear of target and cover."""
     box, cover = sequence.box(index), covers[index]
     w, h = (int(side) for side in box[2:])
-    width, height = _frame_size(sequence)
+    width, height = frame_size(sequence)
     for x, y in rng.integers(0, np.array([width - w, height - h]), (TRIES, 2)).tolist():
-        if not any(_overlap(np.array(each), (x, y), (w, h)) for each in (box, cover)):
+        if not any(overlap(np.array(each), (x, y), (w, h)) for each in (box, cover)):
             return x, y, w, h
     raise UnsuitableError("no background next to the target that could cover it")
 
@@ -177,8 +177,8 @@ def _panned(
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """A cropped view of the sequence that pans away from the target and back."""
-    raw = _true_boxes(sequence, start + length + after)
-    size = np.array(_frame_size(sequence))
+    raw = true_boxes(sequence, start + length + after)
+    size = np.array(frame_size(sequence))
     view = np.round(CROP * size).astype(int)
     share = 1 - np.clip(_distance(start, length, len(raw)) / PAN, 0, 1)
     paths = [
@@ -190,7 +190,7 @@ def _panned(
         raise UnsuitableError("the target moves too far for a view without it")
     path = min(paths, key=lambda path: float(_mirrored_share(path, view, size).max()))
     boxes = np.hstack([raw[:, :2] - path, raw[:, 2:]])
-    hidden = np.flatnonzero(~_overlap(boxes, (0, 0), view))
+    hidden = np.flatnonzero(~overlap(boxes, (0, 0), view))
     inside = ((boxes[:, :2] >= 0) & (boxes[:, :2] + boxes[:, 2:] <= view)).all(axis=1)
     truth = np.where((inside | (share == 0))[:, None], boxes, np.nan)
     frames = partial(_panned_frames, sequence, path, view)
@@ -220,7 +220,7 @@ def _is_clean(
     low, high = raw[:, :2], raw[:, :2] + raw[:, 2:]
     whole = (path <= np.maximum(low, 0)) & (path + view >= np.minimum(high, size))
     mirror = (path < np.minimum(-low, 0)) | (path + view > np.maximum(2 * size - 2 - high, size))
-    hidden = np.flatnonzero(~_overlap(np.hstack([low - path, raw[:, 2:]]), (0, 0), view))
+    hidden = np.flatnonzero(~overlap(np.hstack([low - path, raw[:, 2:]]), (0, 0), view))
     once = bool((np.diff(hidden) == 1).all())
     return bool(whole[unpanned].all()) and not mirror.any() and once
 
@@ -246,7 +246,7 @@ def _cut(
     rng: np.random.Generator,
 ) -> AbsenceClip:
     """The sequence with frames of another one inserted."""
-    boxes = _true_boxes(sequence, start + after)
+    boxes = true_boxes(sequence, start + after)
     long = [each for each in others.values() if each.name != sequence.name and len(each) >= length]
     other = long[rng.integers(len(long))]
     first = int(rng.integers(len(other) - length + 1))
@@ -260,7 +260,7 @@ def _cut_frames(
 ) -> Iterator[Image]:
     """The sequence with `length` frames of the other one, from `first` on, inserted at `start`."""
     images = sequence.images()
-    size = _frame_size(sequence)
+    size = frame_size(sequence)
     inserted = (
         np.asarray(cv2.resize(image, size), np.uint8)
         for image in islice(other.images(first), length)
@@ -298,7 +298,7 @@ def _shifted(image: Image, shift: Floats, size_wh: tuple[int, int]) -> Image:
     )
 
 
-def _true_boxes(sequence: VideoSequence, count: int) -> Floats:
+def true_boxes(sequence: VideoSequence, count: int) -> Floats:
     """True boxes (count, 4) of the first frames."""
     if len(sequence) < count:
         raise UnsuitableError(f"{len(sequence)} frames, {count} are needed")
@@ -311,13 +311,13 @@ def _distance(start: int, length: int, count: int) -> Floats:
     return np.maximum(np.maximum(start - index, index - start - length + 1), 0).astype(np.float64)
 
 
-def _frame_size(sequence: VideoSequence) -> tuple[int, int]:
+def frame_size(sequence: VideoSequence) -> tuple[int, int]:
     """Width and height of the frames, pixels."""
     height, width = next(sequence.images()).shape[:2]
     return width, height
 
 
-def _overlap(
+def overlap(
     xywh: Floats, corner_xy: tuple[int, int], size_wh: tuple[int, int] | Ints
 ) -> NDArray[np.bool_]:
     """Whether boxes (..., 4) overlap the box with this corner and size."""
@@ -329,5 +329,5 @@ def _overlap(
 _Maker = Callable[
     [Mapping[str, VideoSequence], VideoSequence, int, int, int, np.random.Generator], AbsenceClip
 ]
-_MAKERS: dict[str, _Maker] = {"covered": _covered, "out of the frame": _panned, "cut": _cut}
-KINDS = tuple(_MAKERS)
+MAKERS: dict[str, _Maker] = {"covered": _covered, "out of the frame": _panned, "cut": _cut}
+KINDS = tuple(MAKERS)

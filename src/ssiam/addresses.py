@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -19,11 +19,17 @@ _SCHEME: Final = re.compile(
 _SECRET: Final = re.compile(r":.+@|\?.*=", re.DOTALL)
 _HOST: Final = re.compile(r"[\w.-]+|[0-9a-f:.]*:[0-9a-f:.]*")  # a name, IPv4 or IPv6
 _HIDDEN: Final = "..."
+_LEAST_QUOTED: Final = 8  # characters by which the beginning of an address without scheme is found
 
 
 def is_address(spec: str) -> bool:
     """Whether `spec` is a URL (``scheme://...``) and not a path."""
     return _ADDRESS.match(spec) is not None
+
+
+def has_scheme(spec: str) -> bool:
+    """Whether `spec` begins like a URL, also with typing errors or as a path (``scheme:/...``)."""
+    return _SCHEME.match(spec) is not None
 
 
 def display_name(spec: str) -> str:
@@ -39,14 +45,17 @@ def display_name(spec: str) -> str:
 def redact_words(text: str, words: Iterable[str]) -> str:
     """`text`, a message, in which each command-line word that is an address is redacted.
 
-    Messages may quote a word in part, or as a path; its secret parts are removed there too.
+    Messages may quote a word in part, with escapes, or as a path; its secret parts are removed
+    there too.
     """
     for word in words:
         value = word.partition("=")[2] if word.startswith("--") else word
         shown = display_name(value)
         if shown == value:
             continue
-        text = text.replace(value, shown).replace(repr(value)[1:-1], shown)
+        scheme = _SCHEME.match(value)
+        least = scheme.end() + 1 if scheme else _LEAST_QUOTED
+        text = _without_beginnings(text, (value, repr(value)[1:-1]), shown, least)
         for secret in sorted({*_parts(value)} - {*_parts(shown)}, key=len, reverse=True):
             text = re.sub(rf"(?<!\w){re.escape(secret)}(?!\w)", _HIDDEN, text)
     return text
@@ -70,12 +79,39 @@ def stack_of(error: BaseException) -> str:
     return "".join([*lines, type(error).__name__])
 
 
+def _without_beginnings(text: str, forms: Sequence[str], shown: str, least: int) -> str:
+    """`text`, in which `shown` replaces each beginning of a form of at least `least` characters.
+
+    A message that shortens what it quotes ends within the password.
+    """
+    for form in forms:
+        start = 0
+        while (start := text.find(form[:least], start)) >= 0:
+            end = start + max(_common(each, text[start : start + len(each)]) for each in forms)
+            if end > start + len(shown) or not text.startswith(shown, start):
+                text = text[:start] + shown + text[end:]
+            start += len(shown)
+    return text
+
+
+def _common(first: str, second: str) -> int:
+    """Number of characters with which both begin."""
+    return next(
+        (
+            index
+            for index, pair in enumerate(zip(first, second, strict=False))
+            if pair[0] != pair[1]
+        ),
+        min(len(first), len(second)),
+    )
+
+
 def _parts(address: str) -> list[str]:
     return [part for part in re.split(r"[/:@?#&=,\s'\"]+", address) if part]
 
 
 def _looks_like_address(text: str) -> bool:
-    return _SCHEME.match(text) is not None or _SECRET.search(text) is not None
+    return has_scheme(text) or _SECRET.search(text) is not None
 
 
 def _location(rest: str) -> str | None:

@@ -16,7 +16,9 @@ from stat import S_ISDIR, S_ISREG, S_ISVTX, S_IWOTH
 from types import TracebackType
 from typing import IO, Any, TypeAlias, TypeVar
 
+from ssiam.addresses import display_name, has_scheme
 from ssiam.errors import ArgumentError, SinkError
+from ssiam.unfinished import hold_new, remove_abandoned
 
 NamedPath: TypeAlias = tuple[str, Path]
 """A label for messages, such as "--out" or "the source", and a file."""
@@ -88,6 +90,7 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
         It cannot be written, or exists and must not be replaced.
     """
     try:
+        _check_no_address(path)
         if not path.parent.is_dir():
             raise SinkError(f"{path}: there is no folder {path.parent}; create it first")
         if path.is_dir():
@@ -159,12 +162,19 @@ def make_folder(path: Path, *, exist_ok: bool = True) -> None:
         It cannot be created.
     """
     try:
+        _check_no_address(path)
         missing = list(takewhile(lambda parent: not parent.exists(), path.parents))
         for parent in reversed(missing):
             parent.mkdir(_folder_mode(parent), exist_ok=True)
         path.mkdir(_folder_mode(path), exist_ok=exist_ok)
     except OSError as error:
         raise output_error(path, error) from error
+
+
+def _check_no_address(path: Path) -> None:
+    """Raise `SinkError` for an address, of whose password a folder or a message would be made."""
+    if has_scheme(str(path)) and not os.path.lexists(path.parts[0]):
+        raise SinkError(f"{display_name(str(path))}: is an address; outputs are files and folders")
 
 
 def _folder_mode(path: Path) -> int:
@@ -193,6 +203,7 @@ class PartFile:
         Whether `finish` may replace an existing file.
     hidden : bool
         Call it ``.NAME.EXT.part``, for folders in which other programs look for files by suffix.
+        Those that killed processes have left are removed.
 
     Attributes
     ----------
@@ -213,12 +224,23 @@ class PartFile:
         self._overwrite = overwrite
         # The file that `finish` replaces; None for a stream, and after `finish` or `discard`
         self._target = None if is_stream(path) else Path(os.path.realpath(path))
+        self._lock: int | None = None
         try:
-            self.file = path if self._target is None else _new_part(self._target, hidden=hidden)
+            self.file = path if self._target is None else self._new_file(self._target, hidden)
         except OSError as error:
             raise output_error(path, error) from error
         self._discarded = False
         self._reader: int | None = _await_reader(path) if self._target is None else None
+
+    def _new_file(self, target: Path, hidden: bool) -> Path:
+        if not hidden:
+            return _new_part(target, hidden=False)
+        remove_abandoned(leftover_parts(target, hidden=True))
+        while True:
+            file = _new_part(target, hidden=True)
+            with suppress(FileNotFoundError):
+                self._lock = hold_new(file)
+                return file
 
     @property
     def location(self) -> Path | None:
@@ -240,6 +262,7 @@ class PartFile:
         self._release_reader()
         if self._target is None:
             return
+        self._release_lock()
         with self.file.open("r+b") as file:
             os.fsync(file.fileno())
         with suppress(OSError):  # no older output, or its mode cannot be copied
@@ -255,6 +278,7 @@ class PartFile:
         self._release_reader()
         if self._target is None:
             return
+        self._release_lock()
         self._target, self._discarded = None, True
         with suppress(OSError):
             self.file.unlink()
@@ -263,6 +287,11 @@ class PartFile:
         if self._reader is not None:
             os.close(self._reader)
             self._reader = None
+
+    def _release_lock(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def error(self, error: Exception) -> SinkError:
         """The error for a failure to write; it names the part file unless that is empty."""

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from ssiam.cli import main
+from ssiam.outputs import atomic_write
 
 
 def test_missing_pytorch_names_the_extra(tmp_path):
@@ -54,7 +55,7 @@ with atomic_export(folder), atomic_write(folder / "checkpoint.pth", "wb", hidden
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
-def test_leftovers_of_a_killed_run_are_listed(tmp_path, monkeypatch, capsys):
+def test_leftovers_of_a_killed_run_are_removed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lite.toml").write_text('[[sources]]\nlayout = "davis"\npath = "missing"\n')
     folder = tmp_path / "runs" / "lite"
@@ -62,12 +63,16 @@ def test_leftovers_of_a_killed_run_are_listed(tmp_path, monkeypatch, capsys):
     assert main(["train", "lite.toml"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     subprocess.run([sys.executable, "-c", _KILLED, str(folder)], timeout=60)
-    export = next(folder.glob(".export-*"))
+    export, part = next(folder.glob(".export-*")), folder / ".checkpoint.pth.part"
+    assert part.exists()
     (folder / ".checkpoint.pth.4711").touch()  # as earlier versions called them
     (folder / "checkpoint.pth.old").touch()
-    assert main(["train", "lite.toml"]) == 2
+    with atomic_write(folder / "metrics.csv", "w", hidden=True):  # of a run that goes on
+        assert main(["train", "lite.toml"]) == 2
     *listed, error = capsys.readouterr().err.splitlines()
     assert "missing" in error
-    names = (".checkpoint.pth.part", ".checkpoint.pth.4711", export.name)
+    names = (".metrics.csv.part", ".checkpoint.pth.4711")
     assert [line.split()[1].rpartition("/")[2] for line in listed] == list(names)
     assert all("killed or is still running; it is kept" in line for line in listed)
+    assert not export.exists()
+    assert not part.exists()

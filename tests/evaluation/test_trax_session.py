@@ -2,7 +2,9 @@
 
 import io
 import os
+import socket
 import sys
+from threading import Thread
 from types import SimpleNamespace
 
 import cv2
@@ -64,7 +66,8 @@ class Server:
 @pytest.fixture
 def server(monkeypatch):
     """Makes `trax.Server` return a server with these requests."""
-    monkeypatch.setenv("TRAX_SOCKET", "of no use to the stub")  # else standard input is read
+    silent, write_end = os.pipe()
+    monkeypatch.setenv("TRAX_IN", str(silent))  # else standard input is read
     made = []
 
     def of(*requests):
@@ -76,7 +79,8 @@ def server(monkeypatch):
         monkeypatch.setattr(trax, "Server", make)
         return made
 
-    return of
+    yield of
+    os.close(write_end)
 
 
 def request(path=None, region=None, kind=None):
@@ -251,3 +255,57 @@ def test_messages_that_are_whole_are_relayed(tmp_path, monkeypatch, paths):
 def test_a_client_that_breaks_off_or_sends_other_messages(tmp_path, monkeypatch, text):
     with pytest.raises(StreamError, match="the TraX client"):
         served(tmp_path, monkeypatch, text)
+
+
+def served_on_a_socket(monkeypatch, text):
+    """Serve a client that listens on a port; returns the tracker, the answers and the error."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    monkeypatch.setenv("TRAX_SOCKET", str(listener.getsockname()[1]))
+    monkeypatch.setenv("TRAX_IN", "0")
+    monkeypatch.setenv("TRAX_OUT", "1")
+    tracker, errors = Scripted(), []
+
+    def run():
+        try:
+            serve(tracker)
+        except Exception as error:
+            errors.append(error)
+
+    server = Thread(target=run, daemon=True)  # libtrax waits without end if it reads by itself
+    server.start()
+    client, _ = listener.accept()
+    with listener, client:
+        client.sendall(text)
+        client.shutdown(socket.SHUT_WR)
+        server.join(20)
+        assert not server.is_alive()
+        assert "TRAX_SOCKET" not in os.environ
+        return tracker, client.recv(1 << 16), errors
+
+
+def test_a_client_with_a_socket_is_served(monkeypatch, paths):
+    frame = f'@@TRAX:frame "file://{paths[0]}" \n'
+    text = f'@@TRAX:initialize "5,6,7,8" \n{frame}{frame}@@TRAX:quit \n'
+    tracker, answers, errors = served_on_a_socket(monkeypatch, text.encode())
+    assert (tracker.count, errors) == (1, [])
+    assert b"@@TRAX:hello" in answers
+    assert answers.count(b"@@TRAX:state") == 2
+
+
+@pytest.mark.parametrize(
+    "text", [b'@@TRAX:initialize "5,6,7', b'@@TRAX:initialize "" \n@@TRAX:frame "x" \n']
+)
+def test_a_client_with_a_socket_that_breaks_off(monkeypatch, text):
+    _, _, (error,) = served_on_a_socket(monkeypatch, text)
+    assert isinstance(error, StreamError)
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [("TRAX_SOCKET", "9" * 400), ("TRAX_SOCKET", "\u00b2"), ("TRAX_IN", "x"), ("TRAX_IN", "9999")],
+)
+def test_variables_of_no_client_are_one_line(monkeypatch, variable, value):
+    monkeypatch.setenv("TRAX_IN", "0")
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(StreamError, match=f"no TraX client.*{variable}="):
+        serve(Scripted())

@@ -227,6 +227,14 @@ def test_a_list_in_the_sequences_folder_decides(sequences, tmp_path):
     assert listed == [str(sequences / "bag"), str(sequences / "car")]
 
 
+@pytest.mark.parametrize("name", ["a" * 300, "a\0b", "bag/groundtruth.txt/x"])
+def test_a_list_with_a_name_that_no_folder_has(sequences, tmp_path, name):
+    (sequences / "list.txt").write_text(f"{name}\n")
+    for read in (left_out, lambda path, given: write_workspace(path, [], sequences=given)):
+        with pytest.raises(DatasetError, match=r"list\.txt: names '[^\n]{1,50}' \("):
+            read(tmp_path, sequences)
+
+
 def test_damaged_sequences_are_left_out_unless_all_are(sequences, tmp_path):
     (sequences / "bag" / "groundtruth.txt").write_text("x\n")
     assert write_workspace(tmp_path / "ws", ENTRIES, sequences=sequences) == 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 
 from fuzz.network_targets import network_targets
 from fuzz.server_targets import server_targets
+from fuzz.stream_targets import stream_targets
 from fuzz.target import Target, in_file, latin, or_value_error, text
 from helpers import datasets_on_disk as on_disk
 from helpers import message_fuzz
@@ -24,9 +25,11 @@ from ssiam.addresses import display_name, redact_words
 from ssiam.cli.boxes import parse_boxes
 from ssiam.cli.moments import parse_moment
 from ssiam.datasets import open_dataset
+from ssiam.evaluation.runs.entries import entries
 from ssiam.evaluation.runs.identity import read_identity
 from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 from ssiam.evaluation.runs.shaken_results import read_shake
+from ssiam.evaluation.vot.workspace import left_out, write_workspace
 from ssiam.exchange import EXPORT_KINDS, read_annotations, read_corrections, write_exports
 from ssiam.geometry import check_box
 from ssiam.motion import Motion, read_gyro
@@ -68,6 +71,7 @@ def all_targets(folder: Path) -> list[Target]:
         *_network_targets(folder / "networks"),
         *network_targets(folder / "onnx"),
         *server_targets(folder / "servers"),
+        *stream_targets(folder / "streams"),
     ]
 
 
@@ -163,9 +167,44 @@ def _dataset_targets(folder: Path) -> Iterable[Target]:
     mot = on_disk.write_mot(folder / "mot", "MOT17-02", lines)
     yield layout("MOT", mot / "gt/gt.txt", folder / "mot")
     yield layout("MOT seqinfo", mot / "seqinfo.ini", folder / "mot")
+    yield from _clip_targets(folder, layout)
     (folder / "pysot").mkdir()
     pysot = write_pysot_json(folder / "pysot/VOT2018.json", {"bag": 2})
     yield layout("pysot", pysot, pysot)
+
+
+def _clip_targets(folder: Path, layout: Callable[..., Target]) -> Iterable[Target]:
+    """DTB70, clips of users, and VOT in the layout of the newer toolkit, with its workspace."""
+    dtb70 = on_disk.write_otb(folder / "dtb70", "Car4", range(1, 4), on_disk.boxes(3), digits=5)
+    yield layout("DTB70", dtb70 / "groundtruth_rect.txt", folder / "dtb70", "dtb70")
+    walk = folder / "clips/walk"
+    on_disk.write_images(walk, range(1, 4), 4)
+    (walk / "boxes.txt").write_text(on_disk.text(on_disk.boxes(3)))
+    yield layout("clip", walk / "boxes.txt", walk, "clip")
+    tags = {"occlusion.tag": (0, 1, 0)}
+    newer = on_disk.write_vot(folder / "vot2020", "bag", toolkit=True, tags=tags)
+    yield layout("VOT sequence", newer / "sequence", folder / "vot2020")
+    yield layout("VOT tag", newer / "occlusion.tag", folder / "vot2020")
+    competitors = entries(["kcf"], ["off"], {})
+
+    def workspace(name: str, file: str, stack: str | None = None) -> Target:
+        sequences = folder / name / "sequences"
+        on_disk.write_vot(sequences, "bag")
+        (sequences / "list.txt").write_text("bag\n")
+        (folder / name / "given.yaml").write_text("title: a\nexperiments: {}\n")
+        chosen = None if stack is None else str(folder / name / stack)
+
+        def write(_: Path) -> None:
+            left_out(folder, sequences)
+            target = folder / name / "written"
+            write_workspace(target, competitors, stack=chosen, sequences=sequences, force=True)
+
+        path = folder / name / file
+        return Target(f"VOT workspace's {name}", (path.read_bytes(),), in_file(path, write), 2)
+
+    yield workspace("list", "sequences/list.txt")
+    yield workspace("truth", "sequences/bag/groundtruth.txt")
+    yield workspace("stack", "given.yaml", "given.yaml")
 
 
 def _image_targets(folder: Path) -> Iterable[Target]:
@@ -309,7 +348,7 @@ def _network_targets(folder: Path) -> Iterable[Target]:
 
 
 def _training_targets(folder: Path) -> Iterable[Target]:
-    from helpers.sets_on_disk import BOX, open_set, write_coco, write_voc
+    from helpers.sets_on_disk import BOX, open_set, write_coco, write_davis, write_voc
     from ssiam.training.data.images import read_labels
 
     def set_of(layout: str, path: Path, file: Path, seeds: tuple[bytes, ...] = ()) -> Target:
@@ -344,6 +383,13 @@ def _training_targets(folder: Path) -> Iterable[Target]:
     park["crop_windows_x0y0x1y1_scale"] = regions
     tracks = (json.dumps(park).encode(),)
     yield set_of("tracks", folder / "tracks", track / "meta.json", tracks)
+    frames = write_voc(folder / "voc_video", {"1": [("car", ("20", "30", "60", "50"))]})
+    yield set_of("voc_video", frames, frames / "Annotations/1.xml")
+    rows = [(frame, 1, 2, 3, 15, 14, 1, 1, 1) for frame in range(1, 5)]
+    people = on_disk.write_mot(folder / "mot", "MOT17-02", rows)
+    yield set_of("mot", folder / "mot", people / "gt/gt.txt")
+    davis = write_davis(folder / "davis")
+    yield set_of("davis", davis, davis / "Annotations/480p/bear/00000.png")
     labels = cv2.imencode(".png", _IMAGE[..., 0])[1].tobytes()
     yield Target("labels", (labels,), in_file(folder / "labels.png", read_labels))
     yield set_of("yolo", folder / "yolo", folder / "yolo/labels/1.txt", lines)

@@ -192,6 +192,15 @@ def test_compressed_content_is_refused_before_it_is_read(tmp_path):
     assert "are compressed: " in refusal(path)
 
 
+def test_a_name_to_the_end_of_the_file_does_not_reach_pytorch(tmp_path):
+    """PyTorch searches it for minutes with a regular expression, for its message."""
+    path = tmp_path / "a.pth"
+    path.write_bytes(b"\x80\x02ctorch._utils\n_rebuild" + b'{"a":' * 2000)
+    with pytest.raises(WeightsError, match="are damaged") as caught:
+        read_checkpoint(path)
+    assert caught.value.__cause__.__cause__ is None  # no error of PyTorch's
+
+
 def test_weights_without_plain_numbers(tmp_path):
     state = constant_state(ALEX)
     state[HEAD] = torch.zeros(20, device="meta")

@@ -12,9 +12,9 @@ from ssiam.trackers.template_memory import (
     PARAMETERS,
     MemoryParameters,
     TemplateMemoryTracker,
-    _beside,
-    _relative,
+    beside,
     diversity,
+    relative_feature,
     selected_slot,
 )
 
@@ -93,7 +93,7 @@ def test_the_default_parameters():
 
 
 def test_the_surroundings_are_beside_the_target():
-    assert _beside((100.0, 80.0, 20.0, 30.0)) == [
+    assert beside((100.0, 80.0, 20.0, 30.0)) == [
         (130.0, 80.0, 20.0, 30.0),
         (70.0, 80.0, 20.0, 30.0),
         (100.0, 125.0, 20.0, 30.0),
@@ -102,11 +102,11 @@ def test_the_surroundings_are_beside_the_target():
 
 
 def test_features_are_relative_to_the_surroundings():
-    np.testing.assert_allclose(_relative(np.array([4.0, 5]), np.array([1.0, 1])), [0.6, 0.8])
-    np.testing.assert_array_equal(_relative(np.ones(2), np.ones(2)), [0, 0])
+    np.testing.assert_allclose(relative_feature(np.array([4.0, 5]), np.array([1.0, 1])), [0.6, 0.8])
+    np.testing.assert_array_equal(relative_feature(np.ones(2), np.ones(2)), [0, 0])
     tiny = np.array([2e-9, 0])
-    np.testing.assert_allclose(_relative(tiny, np.zeros(2)), [1, 0])
-    np.testing.assert_array_equal(_relative(tiny / 3, np.zeros(2)), [0, 0])
+    np.testing.assert_allclose(relative_feature(tiny, np.zeros(2)), [1, 0])
+    np.testing.assert_array_equal(relative_feature(tiny / 3, np.zeros(2)), [0, 0])
 
 
 def test_the_mean_of_the_surroundings_is_subtracted():
@@ -122,7 +122,7 @@ def test_the_first_template_is_not_taken_twice():
     tracker = Given(FEATURES)
     TemplateMemoryTracker(tracker).init(VIEW, BOX)
     assert tracker.log[0] == ("init", BOX)
-    assert [entry[1] for entry in tracker.log[1:]] == _beside(BOX)
+    assert [entry[1] for entry in tracker.log[1:]] == beside(BOX)
 
 
 def test_templates_are_taken_at_intervals():

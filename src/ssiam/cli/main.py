@@ -119,5 +119,8 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _fail(message: str, code: int, words: list[str]) -> int:
-    print(f"ssiam: {' '.join(redact_words(message, words).split())}", file=sys.stderr)
+    line = " ".join(redact_words(message, words).split())
+    # Names of files and servers' words may have control characters of the terminal.
+    shown = "".join(each if each.isprintable() else repr(each)[1:-1] for each in line)
+    print(f"ssiam: {shown}", file=sys.stderr)
     return code

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Final, TypeAlias
 from urllib.parse import urlsplit
 
+from ssiam.addresses import redact_address
 from ssiam.errors import WeightsError, one_line
 from ssiam.outputs import make_folder, output_error
 from ssiam.runtime.files import sha256
@@ -26,6 +27,9 @@ _ATTEMPTS: Final = 5  # in a row without a new byte
 _WAIT: Final = 0.5  # seconds before the next attempt, doubled after each
 _CHUNK: Final = 1 << 16  # bytes
 _MAX_BYTES: Final = 2**31  # of a file whose size is not known
+_LONGEST_REASON: Final = 80  # characters of a server's own words
+_SCHEMES: Final = ("http", "https")
+_TAG: Final = re.compile(r"[ -~]{1,200}")  # ASCII, without control characters
 
 ReceivedBytes: TypeAlias = Callable[[int, "int | None"], None]
 """Called with the received and the expected number of bytes, None if that is not known."""
@@ -60,14 +64,15 @@ def download(file: PublishedFile, folder: Path, progress: ReceivedBytes | None =
     target = folder / file.name
     make_folder(folder)
     transfer = _Transfer(file, target.with_name(f"{target.name}.part"), progress)
-    failures = 0
+    failures, most = 0, transfer.received
     try:
         while not transfer.is_complete:
-            before = transfer.received
             reason = transfer.attempt()
             if transfer.is_complete:
                 break
-            failures = failures + 1 if transfer.received <= before else 1
+            # Bytes that are discarded and received again are no progress.
+            failures = failures + 1 if transfer.received <= most else 1
+            most = max(most, transfer.received)
             if failures == _ATTEMPTS:
                 raise WeightsError(
                     f"{file.address}: {reason}, after {transfer.received} bytes; run the command "
@@ -111,8 +116,8 @@ class _Transfer:
             self.is_complete = True
             return ""
         request = urllib.request.Request(self.file.address, headers={"User-Agent": "ssiam"})
-        tag = self.tag.read_text() if self.tag.exists() else ""
-        if self.received and tag:
+        tag = self.tag.read_text("latin-1") if self.tag.exists() else ""
+        if self.received and _TAG.fullmatch(tag):
             request.add_header("Range", f"bytes={self.received}-")
             request.add_header("If-Range", tag)
         try:
@@ -124,10 +129,16 @@ class _Transfer:
             if error.code == 416:  # the part is longer than the file: begin again
                 self._discard()
                 return "the server has fewer bytes than were received"
+            reason = "".join(filter(str.isprintable, str(error.reason)))[:_LONGEST_REASON]
             raise WeightsError(
-                f"{self.file.address}: the server answers {error.code} "
-                f"({' '.join(str(error.reason).split())}); get the file yourself and import it"
+                f"{self.file.address}: the server answers {error.code} ({reason}); get the file "
+                "yourself and import it"
             ) from error
+        except (ValueError, http.client.InvalidURL):  # they quote it, with its password
+            raise WeightsError(
+                f"{self.file.address}: leads to an address that cannot be read: that of the proxy "
+                "in https_proxy, or a redirection; correct the variable, or get the file yourself"
+            ) from None
         except (OSError, http.client.HTTPException) as error:
             return f"no answer ({one_line(error)})"
         with answer:
@@ -136,6 +147,9 @@ class _Transfer:
     def _receive(self, answer: Any) -> str:
         resumed = answer.status == 206
         start = self.received if resumed else 0
+        if resumed and not answer.headers.get("Content-Range", "").startswith(f"bytes {start}-"):
+            self._discard()
+            return "the server sent another part than was asked for"
         self._total = self._expected(answer.headers, start)
         if not resumed:
             self._discard()
@@ -152,7 +166,8 @@ class _Transfer:
     def _copy(self, answer: Any, part: IO[bytes], received: int, limit: int) -> str:
         while True:
             try:
-                chunk = answer.read(_CHUNK)
+                # Not `read`, which takes a chunk of a negative size for all that follows.
+                chunk = answer.read1(_CHUNK)
             except http.client.IncompleteRead as error:
                 part.write(error.partial)
                 return "the connection was cut"
@@ -203,7 +218,7 @@ class _Transfer:
         tag = headers.get("ETag", "")
         if not tag or tag.startswith("W/"):
             tag = headers.get("Last-Modified", "")
-        self.tag.write_text(tag)
+        self.tag.write_text(tag if _TAG.fullmatch(tag) else "", "ascii")
 
     def _discard(self) -> None:
         self.part.unlink(missing_ok=True)
@@ -211,11 +226,24 @@ class _Transfer:
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """Redirections, but never from HTTPS to anything else; the base refuses local files."""
+    """Redirections to HTTP and HTTPS, and never from HTTPS to anything else."""
 
     def redirect_request(
         self, req: urllib.request.Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
     ) -> urllib.request.Request | None:
-        if req.type == "https" and urlsplit(newurl).scheme != "https":
-            raise WeightsError(f"{req.full_url}: redirects to {newurl}, which is not followed")
+        if urlsplit(newurl).scheme not in (("https",) if req.type == "https" else _SCHEMES):
+            # A signed address has its key in the query.
+            here, there = redact_address(req.full_url), redact_address(newurl)
+            raise WeightsError(f"{here}: redirects to {there}, which is not followed")
         return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+    def http_error_302(
+        self, req: urllib.request.Request, fp: Any, code: int, msg: str, headers: Any
+    ) -> Any:
+        fp.close()  # the base reads whatever the server sends with a redirection
+        location = headers.get("location", headers.get("uri", ""))
+        if urlsplit(location).scheme not in ("", *_SCHEMES):  # the base would quote it
+            return self.redirect_request(req, fp, code, msg, headers, location)
+        return super().http_error_302(req, fp, code, msg, headers)
+
+    http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir
 from typing import Final, TypeAlias
 
 from ssiam.errors import ArgumentError, SinkError, WeightsError
@@ -13,6 +13,7 @@ from ssiam.runtime.files import cache_folder, fingerprint, sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export, package_version
 from ssiam.runtime.network import DeviceName, Network, Precision, RuntimeName, RuntimeOptions
 from ssiam.runtime.pytorch import load_torch_pieces, wrong_network_error
+from ssiam.unfinished import staging_folder
 
 __all__ = ["Pieces", "load_network", "load_pieces"]
 
@@ -213,7 +214,7 @@ def _export_and_load(weights: Path, network: str, options: RuntimeOptions) -> Pi
             export_network(path, folder, name=network, network=network)
         except SinkError as error:
             _LOG.warning("the exported network is not cached: %s", error)
-            with TemporaryDirectory(prefix="ssiam-") as temporary:
-                export_network(path, Path(temporary), name=network, network=network)
-                return _load_export(Path(temporary), network, options)
+            with staging_folder(Path(gettempdir()), "ssiam-network-") as temporary:
+                export_network(path, temporary, name=network, network=network)
+                return _load_export(temporary, network, options)
     return _load_export(folder, network, options)

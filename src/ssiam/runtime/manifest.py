@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final, get_args
 
 from ssiam.errors import WeightsError, one_line
 from ssiam.outputs import make_folder, output_error
 from ssiam.parsing import parse_json
 from ssiam.runtime.network import Precision
+from ssiam.unfinished import remove_abandoned, staging_folder
 
 __all__ = [
     "MANIFEST_FILE",
@@ -127,8 +127,8 @@ def _is_file_name(value: object) -> bool:
 def atomic_export(folder: Path, *, beside: Sequence[str] = ()) -> Iterator[Path]:
     """Replace an exported network after all its new files are complete.
 
-    The files are moved on exit, the manifest last: a folder without a manifest is incomplete. A
-    process that is killed leaves a folder that `leftover_exports` finds.
+    The files are moved on exit, the manifest last: a folder without a manifest is incomplete. What
+    a killed process has left is removed by the next export.
 
     Parameters
     ----------
@@ -150,8 +150,7 @@ def atomic_export(folder: Path, *, beside: Sequence[str] = ()) -> Iterator[Path]
     """
     make_folder(folder)
     try:
-        with TemporaryDirectory(dir=folder, prefix=_TEMPORARY) as name:
-            temporary = Path(name)
+        with staging_folder(folder, _TEMPORARY) as temporary:
             yield temporary
             pieces = Manifest.read(temporary).pieces
             files = [*beside, *(f"{piece}.onnx" for piece in pieces), MANIFEST_FILE]
@@ -166,8 +165,8 @@ def atomic_export(folder: Path, *, beside: Sequence[str] = ()) -> Iterator[Path]
 
 
 def leftover_exports(folder: Path) -> list[Path]:
-    """Folders that `atomic_export` has left in `folder` because it was killed, or is using."""
-    return sorted(each for each in folder.glob(f"{_TEMPORARY}*") if each.is_dir())
+    """Folders that `atomic_export` is using in `folder`; those of killed processes are removed."""
+    return remove_abandoned(sorted(each for each in folder.glob(f"{_TEMPORARY}*") if each.is_dir()))
 
 
 def find_export(weights: Path) -> Path | None:

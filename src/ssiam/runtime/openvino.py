@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -28,6 +27,7 @@ from ssiam.runtime.files import (
 )
 from ssiam.runtime.network import Precision, Tensor
 from ssiam.runtime.onnx_files import check_onnx, check_shape
+from ssiam.unfinished import staging_folder
 
 # On import OpenVINO sends telemetry from a forked process. Without a network connection that
 # process can hang and keep this one from exiting. Without the telemetry package OpenVINO uses a
@@ -249,8 +249,8 @@ def _read_joint_model(paths: Sequence[Path], file: Path) -> ov.Model:
     with suppress(RuntimeError):  # missing or damaged
         return CORE.read_model(file)
     make_folder(file.parent)
-    with TemporaryDirectory(dir=file.parent, prefix=".joint-") as temporary:
-        written = Path(temporary, file.name)
+    with staging_folder(file.parent, ".joint-") as temporary:
+        written = temporary / file.name
         ov.serialize(_join([_read_model(path) for path in paths]), written)
         for suffix in (".bin", ".xml"):
             os.replace(written.with_suffix(suffix), file.with_suffix(suffix))

@@ -96,6 +96,11 @@ class TargetPredictor(DeepCopied):
         self._set_box(xywh)
         self._speeds = np.zeros((2, 2))
 
+    def coast(self, xywh: XYWH) -> None:
+        """Set the assumed box (raw-frame pixels) of a hidden target; speed and errors are kept."""
+        self._elapsed = 1
+        self._set_box(xywh)
+
     def update(self, motion: Motion) -> XYWH:
         """Predict the box in the next frame, reached by `motion`; raw-frame pixels.
 

@@ -31,6 +31,7 @@ from ssiam.copying import DeepCopied
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.responses import Response
 
 Floats = NDArray[np.float64]
 
@@ -93,6 +94,11 @@ class CompleteTracker(DeepCopied, ABC):
         """Whether `template_feature` gives features of a network."""
         return False
 
+    @property
+    def has_responses(self) -> bool:
+        """Whether `respond`, `accept` and `move_to` are available."""
+        return False
+
     @abstractmethod
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""
@@ -111,4 +117,16 @@ class CompleteTracker(DeepCopied, ABC):
 
     def template_feature(self) -> Floats:
         """The network's features of the template, (n,) float64; the tracker has a target."""
+        raise NotImplementedError
+
+    def respond(self, view: FrameView) -> Response:
+        """The candidates in the next view, searched around the last box; nothing is changed."""
+        raise NotImplementedError
+
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate of `respond` as the target; with its `best`, the result of `update`."""
+        raise NotImplementedError
+
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         raise NotImplementedError

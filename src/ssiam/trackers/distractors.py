@@ -68,6 +68,10 @@ class ScoredCandidates:
         """The scores (n,), -1 for candidates of a distractor."""
         return np.where(self.is_distractor, -1.0, self.score)
 
+    def near(self, peak: int) -> Flags:
+        """Whether each candidate (n,) belongs to the object of a peak."""
+        return self.distances(self.positions_xy, self.positions_xy[peak]) < _SAME_OBJECT
+
     def distances(self, positions_xy: Floats, xy: Floats) -> Floats:
         """Distances (n,) of positions (n, 2) from a point (2,), in target sizes."""
         return np.asarray(np.linalg.norm(positions_xy - xy, axis=-1) / self.target_size)

@@ -190,14 +190,15 @@ class FearXs(SiameseTracker[_Target]):
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, searched around `xywh`, rounded to whole pixels."""
-        self._move_to(_whole_pixels(xywh, view.size_wh))
+        self.move_to(_whole_pixels(xywh, view.size_wh))
         return self.update(view)
 
     def template_feature(self) -> Floats:
         """The network's features of the template, (n,) float64."""
         return flattened([self._target.features])
 
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         self._target.xywh = xywh
         self._target.distractors = DistractorTracker(self._has_distractors)
 

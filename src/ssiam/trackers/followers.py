@@ -10,18 +10,23 @@ re-detected.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, iou, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig, TargetPredictor
 from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker
+from ssiam.trackers.global_search import GlobalSearch
 from ssiam.trackers.lost import LossDetector, ReachableBox
+from ssiam.trackers.recognition import TargetRecognition
+from ssiam.trackers.responses import Response
+from ssiam.trackers.scenes import SceneMemory
 
 _CONFIDENT: Final = 0.5  # score above which the target is assumed to be in the box
 _CERTAIN: Final = 0.75  # score above which a box is accepted even if it is not reachable
@@ -29,8 +34,15 @@ _LIKELY: Final = 0.25  # score above which the box is stored as the target's las
 # Offsets of the successive search positions, in units of the search's reach.
 _SEARCH_PATTERN: Final = ((0, 0), (1, 0), (0, 0), (-1, 0), (0, 0), (0, 1), (0, 0), (0, -1))
 _SEARCH_REACH: Final = (1.0, 4.0)  # target sizes: minimum and maximum
-_SEARCH_GROWTH: Final = 0.1  # target sizes per frame
+_SEARCH_GROWTH: Final = 0.5  # target sizes per search
 _DISTINCT: Final = 0.7  # target sizes, minimum distance of two different objects
+# The search of a lost target: which of `_TURNS` successive frames search what.
+_TURNS: Final = 8
+_PREDICTED_TURNS: Final = (0, 2, 4, 6)  # at the prediction
+_LAST_TURNS: Final = (1, 5)  # where it was in this scene, or around the last positions
+_GLOBAL_TURNS: Final = (3, 4, 7)  # in the whole frame
+_UNSEEN: Final = 4  # frames without a likely box after which a box may be on another object
+_TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
 
 
@@ -60,6 +72,45 @@ class FrameStep:
         return self.motion is not None and not self.motion.reliable
 
 
+@dataclass(frozen=True, eq=False)
+class FrameResponse:
+    """A tracker's response to a frame, before one of the candidates is taken.
+
+    Attributes
+    ----------
+    view : FrameView
+    response : Response
+    """
+
+    view: FrameView
+    response: Response
+
+    def xywh(self, index: int) -> XYWH:
+        """The box of a candidate, raw-frame pixels."""
+        return map_box(self.view.raw_from_stab, self.response.xywh(index))
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What a target in a group is decided to be.
+
+    Attributes
+    ----------
+    found : FrameResponse
+    index : int
+        The candidate to be taken; -1 for a target that is hidden by another one.
+    is_clear : bool
+        Whether the candidate's box is that of the target alone.
+    assumed_xywh : (x, y, w, h)
+        Where the target is assumed to be if its box is not clear, raw-frame pixels.
+    """
+
+    found: FrameResponse
+    index: int
+    is_clear: bool
+    assumed_xywh: XYWH
+
+
 class Follower(Protocol):
     """Follows one target with a `CompleteTracker`, in raw-frame pixels.
 
@@ -71,8 +122,17 @@ class Follower(Protocol):
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, reached by `motion`."""
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
-        """The target in `frame`; `step` is the result of `advance` for this frame."""
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
+        """The target in `frame`; `step` is the result of `advance` for this frame.
+
+        `taken` are the boxes of other targets, where a lost one is not found; raw-frame pixels.
+        """
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """The tracker's candidates in `frame`; None if it cannot list them now."""
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """The target by a decision among the candidates of `respond`, instead of `locate`."""
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame: the tracker does not run, and the box keeps its position.
@@ -109,7 +169,7 @@ class StabilizedFollower:
         raw_from_stab = np.asarray(np.linalg.inv(stab_from_raw))
         return FrameStep(motion, stab_from_raw, map_box(raw_from_stab, self._stab_xywh))
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The target in `frame`, raw-frame pixels."""
         view = FrameView(frame, step.stab_from_raw, self._border)
         track = self._tracker.update(view)
@@ -122,6 +182,14 @@ class StabilizedFollower:
             motion=step.motion,
             stab_from_raw=step.stab_from_raw,
         )
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """None: positions are not predicted, so that nothing could be decided by them."""
+        return None
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """Not called: there are no responses."""
+        raise NotImplementedError
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame, at its stabilized position."""
@@ -158,6 +226,12 @@ class PredictiveFollower:
         # Expected displacement over the preceding blank frames of a target of known speed.
         self._gap_shift_xy: tuple[float, float] | None = None
         self._tracker_is_elsewhere = False  # the tracker's last box is not the reported one
+        self._scenes = SceneMemory()
+        self._recognition = TargetRecognition()
+        self._global_search = GlobalSearch()
+        self._must_be_recognized = False  # the box may be on another object
+        self._looks = 0  # number of searches around the last positions
+        self._is_promising = False  # the last search found something at the prediction
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame, and predict the target's box in it.
@@ -170,6 +244,8 @@ class PredictiveFollower:
         if motion is None:
             raise ArgumentError('no motion given: stabilize="predict" needs that of each frame')
         self._reachable.advance(motion)
+        if not motion.reliable or self._reachable.frames_unseen >= _UNSEEN:
+            self._must_be_recognized = True
         if motion.reliable:
             self._last_xywh = map_box(motion.cur_from_prev, self._last_xywh)
         elif not self._loss.lost:  # a cut: the video may return to this scene later
@@ -177,20 +253,61 @@ class PredictiveFollower:
         predicted = self._prediction.update(motion)
         return FrameStep(motion, self._prediction.stab_from_raw, predicted, predicted)
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The target in `frame`, raw-frame pixels."""
         view = FrameView(frame, step.stab_from_raw, self._config.border)
         if self._is_searching and not self._is_redetected:
-            track, fallback_xywh = self._search(view, step.search_xywh)
+            track, fallback_xywh = self._search(view, step.search_xywh, taken)
         else:
+            if not self._loss.lost:
+                self._looks = 0
+                self._global_search.restart()
             track = self._track(view, step.search_xywh)
             if self._gap_shift_xy is not None and self._tracker.can_seek:
                 track = self._after_gap(view, track, step.search_xywh, self._gap_shift_xy)
             fallback_xywh = track.box
-        self._update(track, fallback_xywh)
+        self._update(view, track, fallback_xywh)
+        self._observe(view, track)
         if self._loss.lost:
             track = Track(fallback_xywh, track.score, lost=True, evidence=track.evidence)
         return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """The candidates in `frame`; None while a lost target is searched for, and after gaps."""
+        is_simple = not (
+            self._is_searching or self._tracker_is_elsewhere or self._gap_shift_xy is not None
+        )
+        if not (is_simple and self._tracker.has_responses and self._config.predict.find):
+            return None
+        view = FrameView(frame, step.stab_from_raw, self._config.border)
+        return FrameResponse(view, self._tracker.respond(view))
+
+    def decide(self, step: FrameStep, decision: Decision) -> Track:
+        """The target by a decision among the candidates; raw-frame pixels."""
+        view = decision.found.view
+        if decision.index < 0:
+            track = self._hidden(view, decision.assumed_xywh)
+        else:
+            track = self._tracker.accept(view, decision.found.response, decision.index)
+            track = track.mapped(view.raw_from_stab, view.size_wh)
+            if not decision.is_clear:
+                track = Track(decision.assumed_xywh, track.score, evidence=track.evidence)
+                self._tracker.move_to(map_box(view.stab_from_raw, decision.assumed_xywh))
+            self._update(view, track, track.box)
+            if decision.is_clear:
+                self._observe(view, track)
+            if self._loss.lost:
+                track = Track(track.box, track.score, lost=True, evidence=track.evidence)
+        return track.with_changes(motion=step.motion, stab_from_raw=step.stab_from_raw)
+
+    def _hidden(self, view: FrameView, xywh: XYWH) -> Track:
+        """A target that is hidden by another one, and assumed to be in `xywh`."""
+        self._tracker.move_to(map_box(view.stab_from_raw, xywh))
+        self._loss.update(0.0)
+        self._reachable.move_to(xywh)
+        self._prediction.coast(xywh)
+        self._last_xywh, self._is_redetected = xywh, False
+        return Track(xywh, 0.0, lost=self._loss.lost)
 
     def hold(self, step: FrameStep) -> Track:
         """The target in a blank frame, at its position in the scene.
@@ -255,25 +372,62 @@ class PredictiveFollower:
         self._tracker_is_elsewhere = True
         return track.with_changes(score=0.0)
 
-    def _search(self, view: FrameView, predicted_xywh: XYWH) -> tuple[Track, XYWH]:
-        """Search a lost target at its predicted box, and then at the next search position.
+    def _search(
+        self, view: FrameView, predicted_xywh: XYWH, taken: Sequence[XYWH]
+    ) -> tuple[Track, XYWH]:
+        """Search a lost target at the prediction, around its last positions, and everywhere.
 
-        Returns the chosen track, and the box found around the prediction, which is reported while
-        the target is lost.
+        One place is searched in a frame, and in every eighth frame two. Returns the chosen track,
+        and the box around the prediction, which is reported while the target is lost.
         """
-        predicted = self._seek(view, predicted_xywh)
-        if predicted.score > _LIKELY and self._is_plausible(predicted):
-            return predicted, predicted.box
-        other = self._seek(view, self._search_box(self._loss.frames_lost))
-        is_found = other.score > max(predicted.score, _CERTAIN)
-        return (other if is_found else predicted), predicted.box
+        turn = self._loss.frames_lost % _TURNS
+        found, fallback_xywh = Track(predicted_xywh, 0.0), predicted_xywh
+        if turn in _PREDICTED_TURNS or self._is_promising:
+            predicted = self._seek(view, predicted_xywh)
+            fallback_xywh = predicted.box
+            self._is_promising = predicted.score > _LIKELY and self._is_plausible(predicted)
+            if self._is_promising and self._is_target(view, predicted, taken):
+                return predicted, fallback_xywh
+            found = Track(fallback_xywh, 0.0) if self._is_promising else predicted
+        if turn in _LAST_TURNS:
+            self._looks += 1
+            window = self._scenes.find(view.raw) or self._search_box(self._looks)
+        elif turn in _GLOBAL_TURNS:
+            window = self._global_search.window(view.raw, self._last_xywh[2:])
+        else:
+            return found, fallback_xywh
+        other = self._seek(view, window)
+        if other.score > _CERTAIN and self._is_target(view, other, taken):
+            self._loss.doubt()
+            return other, fallback_xywh
+        return found, fallback_xywh
+
+    def _is_target(self, view: FrameView, track: Track, taken: Sequence[XYWH] = ()) -> bool:
+        """Whether what was found is the target, and not one of another tracker in `taken`."""
+        if any(float(iou(track.box, each)) > _TAKEN for each in taken):
+            return False
+        stab_xywh = map_box(view.stab_from_raw, track.box)
+        return self._recognition.is_target(self._tracker, view, stab_xywh)
+
+    def _observe(self, view: FrameView, track: Track) -> None:
+        """Remember the scene and the look of a target that is tracked."""
+        if self._loss.lost or track.score < _LIKELY or not self._tracker.can_seek:
+            return
+        self._scenes.observe(view.raw, track.box)
+        if track.score > _CONFIDENT:
+            self._global_search.observe(view.raw, track.box)
+        stab_xywh = map_box(view.stab_from_raw, track.box)
+        self._recognition.observe(self._tracker, view, stab_xywh, track.score)
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
         return self._tracker.seek(view, stab_xywh).mapped(view.raw_from_stab, view.size_wh)
 
-    def _update(self, track: Track, fallback_xywh: XYWH) -> None:
+    def _update(self, view: FrameView, track: Track, fallback_xywh: XYWH) -> None:
         plausible = self._is_plausible(track)
+        if plausible and self._must_be_recognized and track.score > _LIKELY:
+            plausible = self._is_target(view, track)
+            self._must_be_recognized = not plausible
         if self._config.predict.find:
             self._loss.update(track.score if plausible else 0.0)
         if track.score > _LIKELY and not self._loss.lost:
@@ -291,10 +445,10 @@ class PredictiveFollower:
         """Whether the target can have this box, or the score is high enough to accept any box."""
         return track.score > _CERTAIN or self._reachable.contains(track.box)
 
-    def _search_box(self, frames_lost: int) -> XYWH:
-        """The box around which a lost target is searched in this frame."""
-        x, y, w, h = self._before_cut_xywh if frames_lost % 4 == 2 else self._last_xywh
+    def _search_box(self, looks: int) -> XYWH:
+        """The box of a search around the last positions, by the number of those before it."""
+        x, y, w, h = self._before_cut_xywh if looks % 4 == 2 else self._last_xywh
         min_reach, max_reach = _SEARCH_REACH
-        reach = min(min_reach + _SEARCH_GROWTH * frames_lost, max_reach) * math.sqrt(w * h)
-        dx, dy = _SEARCH_PATTERN[frames_lost % len(_SEARCH_PATTERN)]
+        reach = min(min_reach + _SEARCH_GROWTH * looks, max_reach) * math.sqrt(w * h)
+        dx, dy = _SEARCH_PATTERN[looks % len(_SEARCH_PATTERN)]
         return x + dx * reach, y + dy * reach, w, h

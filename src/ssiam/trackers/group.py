@@ -14,6 +14,8 @@ from ssiam.geometry import XYWH, Image, check_box, check_frame, short_repr, xywh
 from ssiam.motion import Motion, PrefetchingCameraMotion
 from ssiam.stabilize import StabilizerConfig
 from ssiam.track import Track
+from ssiam.trackers.followers import Decision, FrameResponse, FrameStep
+from ssiam.trackers.identities import TargetPath, decisions
 from ssiam.trackers.stabilized import StabilizedTracker
 
 Result = TypeVar("Result")
@@ -31,6 +33,10 @@ class TrackerGroup(NotPicklable):
     ----------
     tracker : StabilizedTracker
         Prototype: the group's trackers are clones of it.
+    aware : bool
+        Whether the targets know of each other: no object is taken for two of them, and identities
+        are kept when targets cross. Needs `stabilize="predict"` and a tracker that lists its
+        candidates, such as lite.
     keep_going : bool
         Whether `update` continues if a tracker raises. Its target is then reported as lost at its
         last box, `failures` has the error, and the tracker runs again in the next frame. If the
@@ -50,10 +56,14 @@ class TrackerGroup(NotPicklable):
 
     _copy_hint = "make one in each process of a tracker loaded there"
 
-    def __init__(self, tracker: StabilizedTracker, *, keep_going: bool = False) -> None:
+    def __init__(
+        self, tracker: StabilizedTracker, *, aware: bool = True, keep_going: bool = False
+    ) -> None:
         self._prototype = tracker.clone()
+        self._aware = aware
         self._keep_going = keep_going
         self._trackers: list[StabilizedTracker] = []
+        self._paths: list[TargetPath] = []
         self._exclude: Sequence[Sequence[float]] = []  # boxes left out of the next motion estimate
         self._size_wh: tuple[int, int] | None = None
         self._camera: PrefetchingCameraMotion | None = None
@@ -90,6 +100,9 @@ class TrackerGroup(NotPicklable):
         motion = None if camera is None else camera.update(frame)
         self._trackers, self._exclude, self._size_wh = trackers, list(boxes), size_wh
         self._camera, self.motion = camera, motion
+        self._paths = []
+        for each in self._exclude:
+            self._paths.append(TargetPath(xywh_floats(each), self._paths))
 
     def new_tracker(self) -> StabilizedTracker:
         """A tracker of the group's kind without a target. Call its `init` before `join`."""
@@ -122,6 +135,7 @@ class TrackerGroup(NotPicklable):
         if any(each is tracker for each in self._trackers):
             raise ArgumentError("this tracker is in the group already")
         self._trackers.append(tracker)
+        self._paths.append(TargetPath(xywh, self._paths))
         self._exclude = [*self._exclude, xywh]
 
     def leave(self, tracker: StabilizedTracker) -> None:
@@ -130,6 +144,7 @@ class TrackerGroup(NotPicklable):
             raise ArgumentError("this tracker is not in the group: it has left, or never joined")
         index = self._trackers.index(tracker)
         self._trackers = [*self._trackers[:index], *self._trackers[index + 1 :]]
+        self._paths = [*self._paths[:index], *self._paths[index + 1 :]]
         self._exclude = [*self._exclude[:index], *self._exclude[index + 1 :]]
 
     def switch(self, config: StabilizerConfig, frame: Image) -> None:
@@ -182,12 +197,7 @@ class TrackerGroup(NotPicklable):
             and len(exclude) == len(predicted)
         ):
             self._camera.start(following, exclude=exclude)
-        located = [
-            None
-            if step is None
-            else self._attempt(failures, index, partial(tracker.locate, frame, step))
-            for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True))
-        ]
+        located = self._located(failures, frame, steps, motion)
         self.failures = failures
         tracks = [
             self._failed_track(index) if track is None else track
@@ -197,6 +207,43 @@ class TrackerGroup(NotPicklable):
             track.box if box is None else box for box, track in zip(predicted, tracks, strict=True)
         ]
         return tracks
+
+    def _located(
+        self,
+        failures: dict[int, Exception],
+        frame: Image,
+        steps: Sequence[FrameStep | None],
+        motion: Motion | None,
+    ) -> list[Track | None]:
+        """The targets in `frame`; None for those whose tracker has failed."""
+        for path in self._paths:
+            path.advance(motion)
+        responses: list[FrameResponse | None] = [None] * len(steps)
+        if self._aware and len(steps) > 1:
+            responses = [
+                None
+                if step is None
+                else self._attempt(failures, index, partial(tracker.respond, frame, step))
+                for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True))
+            ]
+        located: list[Track | None] = []
+        decided = decisions(self._paths, responses)
+        clear = [(path, path.predicted) for path in self._paths if path.frames_unclear <= 1]
+        for index, (tracker, step) in enumerate(zip(self._trackers, steps, strict=True)):
+            path, response, decision = self._paths[index], responses[index], decided[index]
+            track = None
+            if step is not None and index not in failures:
+                if response is None:
+                    others = [xywh for other, xywh in clear if other is not path and self._aware]
+                    work = partial(tracker.locate, frame, step, others)
+                else:
+                    alone = Decision(response, response.response.best, True, path.predicted)
+                    work = partial(tracker.decide, frame, step, decision or alone)
+                track = self._attempt(failures, index, work)
+            if track is not None:
+                _observe(path, track, decision)
+            located.append(track)
+        return located
 
     def _attempt(
         self, failures: dict[int, Exception], index: int, work: Callable[[], Result]
@@ -239,6 +286,16 @@ class TrackerGroup(NotPicklable):
         if self._size_wh is None:
             raise ArgumentError("no target yet: call init(frame, boxes) first")
         return self._size_wh
+
+
+def _observe(path: TargetPath, track: Track, decision: Decision | None) -> None:
+    """Continue a target's path by its track, which was decided or is the tracker's own choice."""
+    if not track.lost and (decision is None or decision.is_clear):
+        path.observe(track.box)
+    elif decision is None:
+        path.rest_at(track.box)
+    elif decision.index >= 0:
+        path.observe_unclear(decision.found.xywh(decision.index))
 
 
 def _box_list(boxes: Any) -> list[Any]:

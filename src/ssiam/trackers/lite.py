@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.box_mask import MASK_SHAPES, BoxMask
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.distractors import DistractorTracker
+from ssiam.trackers.distractors import DistractorTracker, ScoredCandidates
+from ssiam.trackers.responses import Response
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
@@ -36,7 +37,7 @@ from ssiam.trackers.siamese import (
     min_size,
     min_size_iou,
     next_state,
-    select_candidate,
+    ranked_candidates,
     sigmoid,
 )
 
@@ -161,6 +162,16 @@ class _Target:
     distractors: DistractorTracker
 
 
+class _Details(NamedTuple):
+    """What `LiteTracker.accept` needs of a response."""
+
+    candidates: ScoredCandidates
+    boxes: Floats  # (4, n) cx, cy, w, h in px of the search crop
+    zoom: float  # px of the search crop per px of the view
+    penalty: Floats  # (n,)
+    logits: tuple[Tensor, Tensor]  # of score and quality, (n,)
+
+
 class LiteTracker(SiameseTracker[_Target]):
     """The loop of `lite`.
 
@@ -203,6 +214,8 @@ class LiteTracker(SiameseTracker[_Target]):
         self._window = cosine_window(_SIDE)
         self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
 
+    has_responses = True
+
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_reported_xywh(xywh)
@@ -214,6 +227,11 @@ class LiteTracker(SiameseTracker[_Target]):
 
     def update(self, view: FrameView) -> Track:
         """The target in the next view, with mask and corners if there is a network for them."""
+        response = self.respond(view)
+        return self.accept(view, response, response.best)
+
+    def respond(self, view: FrameView) -> Response:
+        """The candidates in the next view."""
         target, last = self._target, self._target.state
         side = round(SEARCH_SIDE / TEMPLATE_SIDE * last.context_side)
         zoom = SEARCH_SIDE / side
@@ -227,18 +245,30 @@ class LiteTracker(SiameseTracker[_Target]):
         crop_offset = crop_corner(last.center_xy, side) + side / 2 - last.center_xy
         boxes[:2] += crop_offset[:, None] * zoom
         size = np.array(last.size_wh) * zoom
-        candidates = target.distractors.detect(boxes[:2].T / zoom + last.center_xy, score, last)
-        best, penalty = select_candidate(
+        positions_xy = boxes[:2].T / zoom + last.center_xy
+        candidates = target.distractors.detect(positions_xy, score, last)
+        ranked, penalty = ranked_candidates(
             boxes, candidates.allowed_score, size, self._window, self._parameters
         )
-        target.distractors.update(candidates, best)
-        rate = penalty * score[best] * self._parameters.lr
-        target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
-        self._update_memory(target, view, boxes, score, best)
-        logits = (float(logit_map.ravel()[best]) for logit_map in (scores, qualities))
+        logits = scores.ravel(), qualities.ravel()
+        details = _Details(candidates, boxes, zoom, penalty, logits)
+        view_boxes = np.vstack([positions_xy.T, boxes[2:] / zoom])
+        peaks, near = candidates.peaks, candidates.near
+        return Response(view_boxes, score, ranked, peaks, near, details)
+
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate as the target."""
+        target, last, score = self._target, self._target.state, response.score
+        details: _Details = response.details
+        boxes, zoom = details.boxes, details.zoom
+        target.distractors.update(details.candidates, index)
+        rate = details.penalty[index] * score[index] * self._parameters.lr
+        target.state = next_state(last, boxes[:, index], zoom, rate, view, target.min_wh)
+        self._update_memory(target, view, boxes, score, index)
+        logits = (float(logits[index]) for logits in details.logits)
         evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
         probability = self._confidence.probability(evidence)
-        probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
+        probability *= min_size_iou(target.state, boxes[2:, index] / zoom, target.min_wh)
         track = Track(target.state.xywh, probability, evidence=evidence)
         if self._box_mask is None:
             return track
@@ -249,7 +279,8 @@ class LiteTracker(SiameseTracker[_Target]):
         """The network's features of the template, (n,) float64."""
         return flattened(self._target.kernels)
 
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         target = self._target
         target.state = TargetState.from_reported_xywh(xywh)
         target.distractors = DistractorTracker(self._has_distractors)

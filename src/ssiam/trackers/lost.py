@@ -20,6 +20,7 @@ _FOUND_DECAY: Final = 0.004  # per frame
 # Tolerance of `ReachableBox`, target sizes.
 _TOLERANCE: Final = 0.7  # for a target that was occluded for a moment
 _DRIFT: Final = 0.015  # added per frame without the target
+_MAX_TOLERANCE: Final = 2.0  # with all that is added
 _SIZE_WEIGHT: Final = 3.0  # distance equivalent to a change of the size by a factor of 2
 
 
@@ -51,6 +52,10 @@ class LossDetector:
         elif self._running < _LOST_BELOW:
             self.lost = True
 
+    def doubt(self) -> None:
+        """Raise the threshold of re-detection for some time, as after blank frames."""
+        self._found_above = _FOUND_ABOVE_BLANK
+
     def skip_blank(self) -> None:
         """Add a blank frame, in which the target cannot be visible."""
         self._running *= _MEMORY
@@ -70,15 +75,20 @@ class ReachableBox:
     ----------
     xywh : (x, y, w, h)
         Box of the target, raw-frame pixels.
+
+    Attributes
+    ----------
+    frames_unseen : int
+        Frames since the target's last box.
     """
 
     def __init__(self, xywh: XYWH) -> None:
         self._scene_xywh = self._frame_xywh = xywh  # moves with the scene, stays in the frame
-        self._frames_unseen = 0
+        self.frames_unseen = 0
 
     def advance(self, motion: Motion) -> None:
         """Move on to the next frame, reached by `motion`."""
-        self._frames_unseen += 1
+        self.frames_unseen += 1
         if motion.reliable:
             self._scene_xywh = map_box(motion.cur_from_prev, self._scene_xywh)
 
@@ -86,14 +96,18 @@ class ReachableBox:
         """Take `xywh` as the target's box in this frame, if it is reachable."""
         if self.contains(xywh):
             self._scene_xywh = self._frame_xywh = xywh
-            self._frames_unseen = 0
+            self.frames_unseen = 0
+
+    def move_to(self, xywh: XYWH) -> None:
+        """Assume that the unseen target is in `xywh` now."""
+        self._scene_xywh = self._frame_xywh = xywh
 
     def contains(self, xywh: XYWH) -> bool:
         """Whether the target can have the box `xywh` in this frame."""
-        if self._frames_unseen <= 1:
+        if self.frames_unseen <= 1:
             return True
         distance = min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
-        return distance <= _TOLERANCE + _DRIFT * self._frames_unseen
+        return distance <= min(_TOLERANCE + _DRIFT * self.frames_unseen, _MAX_TOLERANCE)
 
 
 def _distance(xywh: XYWH, last_xywh: XYWH) -> float:

@@ -231,7 +231,8 @@ class NanoTrack(SiameseTracker[_Target]):
         """The network's features of the template, (n,) float64."""
         return flattened([self._target.kernel])
 
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         self._target.state = TargetState.from_reported_xywh(xywh)
         self._target.distractors = DistractorTracker(self._has_distractors)
 

@@ -122,12 +122,12 @@ class SiameseTracker(CompleteTracker, Generic[TargetT]):
         """The network's features of the template, (n,) float64."""
 
     @abstractmethod
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
         """Search around `xywh` from now on."""
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:
         """The target in this view, searched around `xywh`."""
-        self._move_to(xywh)
+        self.move_to(xywh)
         return self.update(view)
 
     def clone(self: TrackerT) -> TrackerT:
@@ -164,13 +164,23 @@ def select_candidate(
         Cosine window, 0..1.
     parameters : SearchParameters
     """
+    ranked, penalty = ranked_candidates(boxes, score, size_wh, window, parameters)
+    best = int(np.argmax(ranked))
+    return best, float(penalty[best])
+
+
+def ranked_candidates(
+    boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
+) -> tuple[Floats, Floats]:
+    """The candidates' ranks (n,), the highest for the best one, and their penalty factors (n,).
+
+    The parameters are those of `select_candidate`.
+    """
     scale_change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
     aspect_change = _ratio((size_wh[0] / size_wh[1]) / (boxes[2] / boxes[3]))
     penalty = np.exp(-(aspect_change * scale_change - 1) * parameters.penalty_k)
     influence = parameters.window_influence
-    ranked = penalty * score * (1 - influence) + window * influence
-    best = int(np.argmax(ranked))
-    return best, float(penalty[best])
+    return penalty * score * (1 - influence) + window * influence, penalty
 
 
 def min_size(size_wh: tuple[float, float]) -> tuple[float, float]:

@@ -164,7 +164,8 @@ class SiamFc(SiameseTracker[_Target]):
         """The network's features of the template, (n,) float64."""
         return flattened([self._target.kernel])
 
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         target = self._target
         target.center, target.size, target.search_side = _geometry(xywh)
         target.distractors = DistractorTracker(self._has_distractors)

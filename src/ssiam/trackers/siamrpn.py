@@ -187,7 +187,8 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         """The network's features of the template, (n,) float64."""
         return flattened(self._target.kernels)
 
-    def _move_to(self, xywh: XYWH) -> None:
+    def move_to(self, xywh: XYWH) -> None:
+        """Search around `xywh`, the view's pixels, from now on."""
         self._target.state = TargetState.from_reported_xywh(xywh)
         self._target.distractors = DistractorTracker(self._has_distractors)
 

@@ -28,7 +28,14 @@ from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker, ViewTracker
 from ssiam.trackers.blank_frames import BlankFrameDetector
-from ssiam.trackers.followers import Follower, FrameStep, PredictiveFollower, StabilizedFollower
+from ssiam.trackers.followers import (
+    Decision,
+    Follower,
+    FrameResponse,
+    FrameStep,
+    PredictiveFollower,
+    StabilizedFollower,
+)
 from ssiam.trackers.foreign import complete
 from ssiam.trackers.lost import LossDetector
 
@@ -242,28 +249,61 @@ class StabilizedTracker(NotPicklable):
                 raise OverflowError
         return step
 
-    def locate(self, frame: Image, step: FrameStep) -> Track:
+    def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The second half of `update`: the target in `frame`, raw-frame pixels.
 
-        `step` is the result of `advance` for this frame. The errors are those of `update`.
+        `step` is the result of `advance` for this frame. `taken` are the boxes of other targets,
+        where a lost one is not found. The errors are those of `update`.
         """
         target = self._current_target()
         check_frame(frame, target.size_wh)
         with _arithmetic_as_tracking_error():
-            return self._locate(target, frame, step)
+            return self._locate(target, frame, step, taken=taken)
 
-    def _locate(self, target: _Target, frame: Image, step: FrameStep) -> Track:
+    def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
+        """The tracker's candidates in `frame`, for a decision in place of `locate`.
+
+        Nothing is changed by it. None if there are no candidates: the tracker does not list them, a
+        lost target is searched for, or the camera's motion is unknown. `step` is the result of
+        `advance` for this frame. The errors are those of `update`.
+        """
+        target = self._current_target()
+        check_frame(frame, target.size_wh)
+        if step.is_motion_unknown:
+            return None
+        with _arithmetic_as_tracking_error():
+            return target.follower.respond(frame, step)
+
+    def decide(self, frame: Image, step: FrameStep, decision: Decision) -> Track:
+        """The target by a decision among the candidates of `respond`, instead of `locate`."""
+        target = self._current_target()
+        check_frame(frame, target.size_wh)
+        with _arithmetic_as_tracking_error():
+            return self._locate(target, frame, step, decision)
+
+    def _locate(
+        self,
+        target: _Target,
+        frame: Image,
+        step: FrameStep,
+        decision: Decision | None = None,
+        taken: Sequence[XYWH] = (),
+    ) -> Track:
         if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
             track = target.follower.hold(step)
+        elif decision is not None:
+            track = target.follower.decide(step, decision)
         else:
-            track = self._locate_visible(target, frame, step)
+            track = self._locate_visible(target, frame, step, taken)
         if track.lost:
             track = track.with_changes(box=_touching(track.box, target.size_wh))
         target.xywh = track.box
         target.exclude_xywh = step.predicted_xywh or track.box
         return track
 
-    def _locate_visible(self, target: _Target, frame: Image, step: FrameStep) -> Track:
+    def _locate_visible(
+        self, target: _Target, frame: Image, step: FrameStep, taken: Sequence[XYWH]
+    ) -> Track:
         """The target in a frame that is not blank.
 
         If neither the camera's motion nor the target is found in it (noise, a torn frame, another
@@ -274,7 +314,7 @@ class StabilizedTracker(NotPicklable):
         if step.is_motion_unknown:
             with suppress(CopyError):
                 before = copy.deepcopy((target.follower, self._tracker, target.loss))
-        track = target.follower.locate(frame, step)
+        track = target.follower.locate(frame, step, taken)
         if before is None or track.score > _NOT_VISIBLE:
             return track
         target.follower, self._tracker, target.loss = before

@@ -211,9 +211,9 @@ class TemplateMemoryTracker(CompleteTracker):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target, and forget all templates."""
         self._tracker.init(view, xywh)
-        beside = [self._feature(view, each) for each in _beside(xywh)]
-        surroundings = np.asarray(np.mean(beside, axis=0))
-        first = _relative(self._feature(view, xywh, self._tracker), surroundings)
+        around = [self._feature(view, each) for each in beside(xywh)]
+        surroundings = np.asarray(np.mean(around, axis=0))
+        first = relative_feature(self._feature(view, xywh, self._tracker), surroundings)
         self._target_or_none = _Target(xywh, surroundings, first)
 
     def update(self, view: FrameView) -> Track:
@@ -248,7 +248,7 @@ class TemplateMemoryTracker(CompleteTracker):
             -1..1: 1 for a template itself, about 0 for what was beside the target at first.
         """
         target = self._target
-        relative = _relative(self._feature(view, xywh), target.surroundings)
+        relative = relative_feature(self._feature(view, xywh), target.surroundings)
         return max(float(relative @ each) for each in target.features)
 
     @property
@@ -316,7 +316,7 @@ class TemplateMemoryTracker(CompleteTracker):
             tracker = self._started(view, track.box)
         except ArgumentError:  # OpenCV's trackers refuse some boxes
             return
-        feature = _relative(self._feature(view, track.box, tracker), target.surroundings)
+        feature = relative_feature(self._feature(view, track.box, tracker), target.surroundings)
         template = _Template(tracker, feature)
         self._learn_short_term(target, template)
         self._learn_long_term(target, template)
@@ -340,14 +340,14 @@ class TemplateMemoryTracker(CompleteTracker):
             target.long_term[slot - 1 : slot] = [template]
 
 
-def _relative(feature: Floats, surroundings: Floats) -> Floats:
+def relative_feature(feature: Floats, surroundings: Floats) -> Floats:
     """Unit vector of a feature's difference from the surroundings; zeros if there is none."""
     difference = feature - surroundings
     length = float(np.linalg.norm(difference))
     return difference / length if length > _MIN_LENGTH else 0 * difference
 
 
-def _beside(xywh: XYWH) -> list[XYWH]:
+def beside(xywh: XYWH) -> list[XYWH]:
     """Boxes of the target's size to the right, the left, below and above it."""
     x, y, w, h = xywh
     dx, dy = _BESIDE * w, _BESIDE * h

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple, get_args
 
 from ssiam.errors import WeightsError, check_choice
@@ -15,6 +14,7 @@ from ssiam.runtime.files import cache_folder, sha256, weights_sha256
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest, find_export
 from ssiam.trackers.fear import FearNetworks, fear_pair
 from ssiam.trackers.nanotrack import NanoTrackName, NanoTrackNetworks, onnx_pair
+from ssiam.unfinished import staging_folder
 
 _SIAMMASK: Final = "siammask_r50_l3"
 _DIGITS: Final = 12  # of a SHA-256, in messages
@@ -212,14 +212,12 @@ def copy_files(files: Iterable[Path], folder: Path, name: str | None = None) -> 
     """
     make_folder(folder)
     try:
-        with TemporaryDirectory(dir=folder, prefix=".import-") as temporary:
+        with staging_folder(folder, ".import-") as temporary:
             for file in files:
                 target = folder / (name or file.name)
                 if not (target.exists() and target.samefile(file)):
-                    shutil.copyfile(file, Path(temporary, target.name))
-            for staged in sorted(
-                Path(temporary).iterdir(), key=lambda path: path.name == MANIFEST_FILE
-            ):
+                    shutil.copyfile(file, temporary / target.name)
+            for staged in sorted(temporary.iterdir(), key=lambda path: path.name == MANIFEST_FILE):
                 staged.replace(folder / staged.name)
     except OSError as error:
         raise output_error(folder, error) from error

@@ -25,6 +25,7 @@ from ssiam.trackers.lite import NETWORK
 from ssiam.training.metrics import METRICS
 from ssiam.training.settings import WEIGHTS, TrainSettings
 from ssiam.training.students import AnyNetwork, build_network
+from ssiam.unfinished import remove_abandoned
 
 __all__ = [
     "CHECKPOINT",
@@ -222,9 +223,13 @@ def write_network(network: AnyNetwork, folder: Path) -> None:
 
 
 def leftovers(folder: Path) -> list[Path]:
-    """Incomplete files in a run's folder, of runs that were killed or are still running."""
+    """Incomplete files in a run's folder, of runs that are still running or of earlier versions.
+
+    Those of killed runs are removed.
+    """
     names = (CHECKPOINT, METRICS)
     parts = [part for name in names for part in leftover_parts(folder / name, hidden=True)]
+    parts = remove_abandoned(parts)
     # Earlier versions called the part of a checkpoint by the number of the process.
     numbered = sorted(folder.glob(f".{CHECKPOINT}.[0-9]*"))
     return [*parts, *numbered, *leftover_exports(folder)]

@@ -135,9 +135,10 @@ def _on_cluster(
 
     try:
         client = Client(cluster, timeout=_CONNECT_TIMEOUT)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError):
         name = redact_address(cluster)
-        raise ArgumentError(f"no Dask scheduler answers at {name}; is it running?") from error
+        # The cause would print the whole address, with its password.
+        raise ArgumentError(f"no Dask scheduler answers at {name}; is it running?") from None
     with client:
         submitted = {client.submit(call, each, pure=False): each for each in items}
         for future in as_completed(list(submitted)):

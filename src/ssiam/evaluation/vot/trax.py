@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
+import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,13 +26,15 @@ import numpy as np
 from ssiam.datasets.images import image_levels, read_image
 from ssiam.errors import ArgumentError, MissingExtraError, StreamError, one_line
 from ssiam.geometry import corners_from_xywh
+from ssiam.parsing import is_number_word
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 from ssiam.video.levels import Levels
 
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
 _IN_VARIABLE = "TRAX_IN"  # environment variable of libtrax, as _OUT_VARIABLE
-_SOCKET_VARIABLE = "TRAX_SOCKET"
+_SOCKET_VARIABLE = "TRAX_SOCKET"  # the port of a client that listens
+_HOST, _CONNECT_TIMEOUT = "127.0.0.1", 10.0  # seconds
 _READ_BYTES = 1 << 16
 _MAX_LINE = 1 << 20  # bytes; a polygon of a thousand corners has 20,000
 _MESSAGE, _START, _QUIT = b"@@TRAX:", b"@@TRAX:initialize", b"@@TRAX:quit"
@@ -127,7 +130,7 @@ class _Session:
 
 
 class _Relay:
-    """Gives libtrax the messages of standard input that it can read.
+    """Gives libtrax the messages of standard input, or of the client's socket, that it can read.
 
     libtrax waits without end, and without a pause, after a message that breaks off and after a
     client that has disconnected before its first frame; an empty region ends the process.
@@ -140,9 +143,11 @@ class _Relay:
 
     def __init__(self) -> None:
         self.broke_off = False
-        if _SOCKET_VARIABLE in os.environ:  # libtrax connects itself
-            return
-        self._source = int(os.environ.get(_IN_VARIABLE, _STDIN))
+        self._source = _given_descriptor()
+        self._socket = _connected()
+        if self._socket is not None:
+            self._source = self._socket.fileno()
+            os.environ[_OUT_VARIABLE] = str(self._source)
         whole, self._target = os.pipe()
         os.environ[_IN_VARIABLE] = str(whole)
         Thread(target=self._run, daemon=True).start()
@@ -164,6 +169,44 @@ class _Relay:
         while len(rest) <= _MAX_LINE and (data := os.read(self._source, _READ_BYTES)):
             *lines, rest = (rest + data).split(b"\n")
             yield from lines
+
+
+def _given_descriptor() -> int:
+    """The descriptor of the client's messages: standard input, unless TRAX_IN gives another one.
+
+    Raises
+    ------
+    StreamError
+        It is not the number of an open one.
+    """
+    word = os.environ.get(_IN_VARIABLE, str(_STDIN))
+    with suppress(OSError, ValueError, OverflowError):
+        os.fstat(int(word))
+        return int(word)
+    raise StreamError(f"no TraX client: {_IN_VARIABLE}={word[:40]!r} is not an open descriptor")
+
+
+def _connected() -> socket.socket | None:
+    """The connection to a client that listens, in place of libtrax's own; None without one.
+
+    Raises
+    ------
+    StreamError
+        No client listens there.
+    """
+    port = os.environ.pop(_SOCKET_VARIABLE, None)
+    if port is None:
+        return None
+    try:
+        if not is_number_word(port):
+            raise ValueError("not a port")
+        client = socket.create_connection((_HOST, int(port)), _CONNECT_TIMEOUT)
+        client.settimeout(None)  # libtrax and the relay use its descriptor
+        return client
+    except (OSError, ValueError, OverflowError) as error:
+        raise StreamError(
+            f"no TraX client listens at {_SOCKET_VARIABLE}={port[:40]} ({one_line(error)})"
+        ) from error
 
 
 def _is_readable(line: bytes) -> bool:

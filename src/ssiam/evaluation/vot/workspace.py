@@ -186,7 +186,8 @@ def _sequence_folders(source: Path) -> list[Path]:
     """
     listed = source / _LIST
     if listed.is_file():
-        folders = [source / name.strip() for name in read_text(listed).splitlines() if name.strip()]
+        names = [name.strip() for name in read_text(listed).splitlines()]
+        folders = [_listed_folder(source, name) for name in names if name]
     elif source.is_dir():
         candidates = sorted(path.parent for path in source.glob(f"*/{_TRUTH}"))
         folders = [path for path in candidates if not _reason_against(path)]
@@ -206,6 +207,21 @@ def _sequence_folders(source: Path) -> list[Path]:
             f"{source}: contains no VOT sequence, which is a folder with a {_TRUTH} and images"
         )
     return folders
+
+
+def _listed_folder(source: Path, name: str) -> Path:
+    """The folder that a line of list.txt names; `DatasetError` if no folder can have this name."""
+    folder = source / name
+    try:
+        folder.stat()
+    except FileNotFoundError:  # reported by the caller
+        return folder
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise DatasetError(
+            f"{source / _LIST}: names {name[:40]!r} ({reason}); correct it"
+        ) from None
+    return folder
 
 
 def _reason_against(folder: Path) -> str:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, Protocol, TypeAlias
 
+from ssiam.addresses import display_name
 from ssiam.errors import ArgumentError
 from ssiam.parsing import is_number_word
 
@@ -76,7 +77,7 @@ def open_link(address: str) -> Link:
         return StreamLink(address, lambda: _connect_tcp(target))
     device, _, baud = address.partition(",")
     if not device or not os.path.exists(device):
-        raise ArgumentError(f"MAVLink address {address!r}: use {_KINDS}")
+        raise ArgumentError(f"MAVLink address {display_name(address)!r}: use {_KINDS}")
     return _open_serial(address, device, baud or str(_DEFAULT_BAUD))
 
 
@@ -180,7 +181,7 @@ class StreamLink:
     datagrams = False
 
     def __init__(self, name: str, connect: Callable[[], Port]) -> None:
-        self._name, self._connect = name, connect
+        self._name, self._connect = display_name(name), connect
         self._lock = threading.Lock()
         self._port: Port | None = None
         self._selector = selectors.DefaultSelector()
@@ -298,7 +299,9 @@ class SerialPort:
 
 def _open_serial(address: str, device: str, baud: str) -> StreamLink:
     if not is_number_word(baud):
-        raise ArgumentError(f"MAVLink address {address!r}: {baud!r} is not a baud rate; use 57600")
+        raise ArgumentError(
+            f"MAVLink address {display_name(address)!r}: {baud!r} is not a baud rate; use 57600"
+        )
     try:
         SerialPort(device, int(baud)).close()
     except OSError as error:
@@ -340,7 +343,9 @@ def _selector_of(sock: socket.socket) -> selectors.BaseSelector:
 def _split(address: str, host_and_port: str) -> tuple[str, int]:
     host, _, port = host_and_port.rpartition(":")
     if not host or not is_number_word(port) or not 0 < int(port) < 65536:
-        raise ArgumentError(f"MAVLink address {address!r}: give a host and a port from 1 to 65535")
+        raise ArgumentError(
+            f"MAVLink address {display_name(address)!r}: give a host and a port from 1 to 65535"
+        )
     return host.strip("[]"), int(port)
 
 
@@ -355,4 +360,4 @@ def _resolve(address: str, host_and_port: str) -> tuple[socket.AddressFamily, _S
 
 def _unusable(address: str, error: OSError | UnicodeError) -> ArgumentError:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return ArgumentError(f"MAVLink address {address!r} cannot be used: {reason}")
+    return ArgumentError(f"MAVLink address {display_name(address)!r} cannot be used: {reason}")
