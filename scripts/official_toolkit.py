@@ -74,7 +74,7 @@ def environment(folder: Path) -> Path:
     if not python.exists():
         print(f"installing {' '.join(PINS)} into {folder}")
         run(interpreter(), "-m", "venv", folder)
-    run(python, "-m", "pip", "install", "--quiet", *PINS)
+    run(python, "-m", "pip", "install", "--quiet", "--no-compile", *PINS)
     return python
 
 

@@ -49,7 +49,7 @@ def environment(name: str, requirements: Requirements, folder: Path) -> Path:
         return python
     print(f"installing {name} into {home}", file=sys.stderr, flush=True)
     _call([sys.executable, "-m", "venv", "--clear", home])
-    install: list[str | Path] = [python, "-m", "pip", "install", "--quiet"]
+    install: list[str | Path] = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
     install.append("--disable-pip-version-check")
     _call([*install, *requirements.whole])
     if requirements.bare:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.synthetic import world
-from ssiam import FrameView
+from ssiam import FrameView, StabilizedTracker, StabilizerConfig, Track
 from ssiam.trackers.global_search import GlobalSearch
 from ssiam.trackers.recognition import TargetRecognition
 from ssiam.trackers.scenes import SceneMemory
@@ -112,3 +112,42 @@ def test_without_features_every_object_may_be_the_target():
     for _ in range(40):
         recognition.observe(tracker, FrameView(FRAME), BOX, 0.9)
     assert recognition.is_target(tracker, FrameView(OTHER), BOX)
+
+
+class Described:
+    """A tracker with features that cannot be made a second time."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def init(self, view, xywh):
+        self.xywh = xywh
+
+    def update(self, view):
+        return Track(self.xywh, 0.9)
+
+    def seek(self, view, xywh):
+        self.xywh = xywh
+        return self.update(view)
+
+    def template_feature(self):
+        return np.arange(4.0)
+
+
+class WithoutFeatures(Described):
+    """A tracker that declares that it has no features."""
+
+    has_template_feature = False
+
+    def template_feature(self):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    "tracker", [Described("no clones"), WithoutFeatures("no features")], ids=lambda t: t.name
+)
+def test_trackers_that_cannot_be_compared_track_on(tracker):
+    stabilized = StabilizedTracker(tracker, StabilizerConfig())
+    stabilized.init(FRAME, BOX)
+    tracks = [stabilized.update(FRAME) for _ in range(12)]
+    assert not any(track.lost for track in tracks)

@@ -98,8 +98,9 @@ class ForeignTracker(CompleteTracker):
 
     @property
     def has_template_feature(self) -> bool:
-        """Whether the tracker has a method `template_feature`."""
-        return hasattr(self.tracker, "template_feature")
+        """As declared; by default, whether the tracker has a method `template_feature`."""
+        has_method = hasattr(self.tracker, "template_feature")
+        return bool(getattr(self.tracker, "has_template_feature", has_method))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
+from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.trackers.base import CompleteTracker
@@ -39,15 +40,21 @@ class TargetRecognition(DeepCopied):
         self._own: list[float] = []  # similarity of each sample to those before it
         self._interval = _FIRST_INTERVAL
         self._age = 0
+        self._is_possible = True  # until a tracker without features, or without clones, is seen
 
     def observe(self, tracker: CompleteTracker, view: FrameView, xywh: XYWH, score: float) -> None:
         """Take a sample of the target in `xywh`, view pixels, if it is time for one.
 
-        At most one feature is computed in a frame.
+        At most one feature is computed in a frame. Nothing is compared if the tracker has no
+        template feature or cannot be cloned.
         """
         self._age += 1
-        if score < _MIN_SCORE or not tracker.has_template_feature:
+        if score < _MIN_SCORE or not self._is_possible:
             return
+        if not self._beside:
+            self._is_possible = _is_comparable(tracker)
+            if not self._is_possible:
+                return
         if len(self._beside) < 4:
             self._beside.append(_feature(tracker, view, beside(xywh)[len(self._beside)]))
         elif not self._samples:
@@ -75,6 +82,16 @@ class TargetRecognition(DeepCopied):
 
     def _similarity(self, sample: Floats) -> float:
         return max(float(sample @ each) for each in self._samples)
+
+
+def _is_comparable(tracker: CompleteTracker) -> bool:
+    if not tracker.has_template_feature:
+        return False
+    try:
+        tracker.clone()
+    except ArgumentError:  # a class that cannot be called without arguments
+        return False
+    return True
 
 
 def _feature(tracker: CompleteTracker, view: FrameView, xywh: XYWH) -> Floats:
