@@ -18,7 +18,7 @@ from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
 from ssiam.geometry import Image, finite_array, short_repr
 from ssiam.motion.camera import CameraMotion
-from ssiam.motion.motion import Motion
+from ssiam.motion.motion import Motion, row_offsets
 
 Floats = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ class GyroTrack:
             exposed with the middle one.
         """
         height = size_wh[1]
-        times = time_s + readout_s * _row_offsets(height)
+        times = time_s + readout_s * row_offsets(height)
         vectors = -self.turned(times, np.full(height, time_s))
         found = [Motion.from_rotation(each, focal_length, size_wh) for each in vectors]
         return np.array([motion.cur_from_prev for motion in found])
@@ -289,11 +289,6 @@ class GyroCameraMotion(DeepCopied):
         size_wh = frame.shape[1], frame.shape[0]
         known = self._track.motion(start, time_s, self._focal_length, size_wh)
         return self._camera.update(frame, motion=known)
-
-
-def _row_offsets(height: int) -> Floats:
-    """Share (H,) of the readout from the middle row to each row, -.5..+.5."""
-    return (np.arange(height) - (height - 1) / 2) / max(height - 1, 1)
 
 
 def _orientations() -> list[str]:

@@ -213,9 +213,8 @@ class Motion:
             raise ArgumentError(
                 f"readout is {short_repr(readout)}: give a share of the frame time, -1 to 1"
             )
-        height = self.size_wh[1]
-        later = (np.arange(height) - (height - 1) / 2) / max(height - 1, 1)
-        middle_from_row = fractional(self.cur_from_prev, -float(share) * later)
+        later = float(share) * row_offsets(self.size_wh[1])
+        middle_from_row = fractional(self.cur_from_prev, -later)
         if not np.isfinite(middle_from_row).all():
             raise ArgumentError(f"{self!r} is too large for a motion at constant speed")
         return middle_from_row
@@ -241,6 +240,11 @@ class Motion:
         dx, dy, angle = self.shift_angle
         unreliable = "" if self.reliable else ", reliable=False"
         return f"Motion(dx={dx:.1f}, dy={dy:.1f}, angle={angle:.4f}{unreliable})"
+
+
+def row_offsets(height: int) -> NDArray[np.float64]:
+    """Share (H,) of a readout from the middle row to each row, -.5..+.5."""
+    return (np.arange(height) - (height - 1) / 2) / max(height - 1, 1)
 
 
 def _stretches_little(motion: Motion) -> bool:

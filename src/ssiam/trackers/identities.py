@@ -56,8 +56,8 @@ class TargetPath:
     xywh : (x, y, w, h)
         Raw-frame pixels.
     others : sequence of TargetPath
-        Of earlier targets, in the same frame. Those in the same box are one object with this one,
-        by the will of the caller, and are never decided jointly with it.
+        Of earlier targets, in the same frame. Those in the same box track the same object, because
+        the caller gave it twice, and are never decided jointly with this one.
     """
 
     def __init__(self, xywh: XYWH, others: Sequence[TargetPath] = ()) -> None:

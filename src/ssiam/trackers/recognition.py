@@ -1,8 +1,9 @@
 """`TargetRecognition`: whether an object is the target, by the features of templates.
 
 As in the template memory (THOR), features are relative to the target's surroundings, so that one
-limit fits the features of all networks. They are only compared after the target was lost for some
-time; nothing is tracked with them.
+limit fits the features of all networks. They are compared when a box may be on another object:
+after frames without a likely box, after a cut, and in the search of a lost target. Nothing is
+tracked with them.
 """
 
 from __future__ import annotations

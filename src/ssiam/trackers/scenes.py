@@ -57,9 +57,12 @@ class SceneMemory(DeepCopied):
         self._scenes = [*self._scenes[:1], *self._scenes[1:][-(_MAX_SCENES - 2) :], scene]
 
     def find(self, frame: Image) -> XYWH | None:
-        """Where the target was in the scene of `frame`, if that is the known one whose turn it is.
+        """Compare `frame` with one known scene: every second time the last one, else all in turn.
 
-        Every second time it is the turn of the last scene.
+        Returns
+        -------
+        (x, y, w, h) or None
+            Where the target was in that scene, pixels of `frame`; None if another one is shown.
         """
         if not self._scenes:
             return None
