@@ -1,12 +1,14 @@
 """What killed processes have left is removed by the next one; what is in use is kept."""
 
 import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import pytest
 
 from ssiam import unfinished
 from ssiam.errors import SinkError
-from ssiam.outputs import atomic_write
+from ssiam.outputs import atomic_write, check_output
 from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import Manifest, atomic_export
 from ssiam.trackers.lite import SHIPPED
@@ -78,6 +80,49 @@ def test_what_is_in_use_is_kept(tmp_path):
         first.write("first")
     assert path.read_text() == "first"
     assert [each.name for each in tmp_path.iterdir()] == ["a.txt"]
+
+
+def _write_often(path, text):
+    for _ in range(200):
+        with atomic_write(path, "w", hidden=True) as file:
+            file.write(text)
+
+
+def _check_often(path, _):
+    for _ in range(200):
+        check_output(path)
+
+
+def _stage_often(path, _):
+    for _ in range(200):
+        with staging_folder(path.parent, ".x-") as folder:
+            (folder / "file").write_text("1")
+
+
+@pytest.mark.parametrize("also", [_write_often, _check_often, _stage_often])
+def test_processes_that_write_one_file_do_not_disturb_each_other(tmp_path, also):
+    path = tmp_path / "run.json"
+    with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as processes:
+        calls = [processes.submit(call, path, "text") for call in (_write_often, also) * 2]
+    for call in calls:
+        call.result()
+    assert [each.name for each in tmp_path.iterdir()] == ["run.json"]
+    assert path.read_text() == "text"
+
+
+def test_what_was_replaced_before_it_was_locked_is_kept(tmp_path, monkeypatch):
+    path = tmp_path / ".a.part"
+    path.write_text("abandoned")
+    lock = unfinished.fcntl.flock
+
+    def replace_and_lock(descriptor, how):
+        path.unlink()
+        path.write_text("new")
+        lock(descriptor, how)
+
+    monkeypatch.setattr(unfinished.fcntl, "flock", replace_and_lock)
+    assert remove_abandoned([path]) == []
+    assert path.read_text() == "new"
 
 
 def test_links_and_files_of_others_are_kept(tmp_path, monkeypatch):

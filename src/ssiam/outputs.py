@@ -104,7 +104,9 @@ def check_output(path: Path, *, overwrite: bool = True) -> None:
                 )
             if not os.access(path, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        _new_part(Path(os.path.realpath(path)), hidden=True).unlink()
+        part, lock = _new_held_part(Path(os.path.realpath(path)))
+        part.unlink()
+        _close(lock)
     except OSError as error:
         raise output_error(path, error) from error
 
@@ -236,11 +238,8 @@ class PartFile:
         if not hidden:
             return _new_part(target, hidden=False)
         remove_abandoned(leftover_parts(target, hidden=True))
-        while True:
-            file = _new_part(target, hidden=True)
-            with suppress(FileNotFoundError):
-                self._lock = hold_new(file)
-                return file
+        file, self._lock = _new_held_part(target)
+        return file
 
     @property
     def location(self) -> Path | None:
@@ -262,7 +261,6 @@ class PartFile:
         self._release_reader()
         if self._target is None:
             return
-        self._release_lock()
         with self.file.open("r+b") as file:
             os.fsync(file.fileno())
         with suppress(OSError):  # no older output, or its mode cannot be copied
@@ -272,16 +270,17 @@ class PartFile:
         else:
             _rename(self.file, self._target)
         self._target = None
+        self._release_lock()
 
     def discard(self) -> None:
         """Remove the part file; does nothing after `finish`."""
         self._release_reader()
         if self._target is None:
             return
-        self._release_lock()
         self._target, self._discarded = None, True
         with suppress(OSError):
             self.file.unlink()
+        self._release_lock()
 
     def _release_reader(self) -> None:
         if self._reader is not None:
@@ -289,9 +288,8 @@ class PartFile:
             self._reader = None
 
     def _release_lock(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        _close(self._lock)
+        self._lock = None
 
     def error(self, error: Exception) -> SinkError:
         """The error for a failure to write; it names the part file unless that is empty."""
@@ -420,6 +418,19 @@ def _new_part(target: Path, *, hidden: bool) -> Path:
             continue
         return file
     raise AssertionError("unreachable: the loop is infinite")
+
+
+def _new_held_part(target: Path) -> tuple[Path, int | None]:
+    """A new, hidden part file, and the lock that keeps other processes from removing it."""
+    while True:
+        file = _new_part(target, hidden=True)
+        with suppress(FileNotFoundError):
+            return file, hold_new(file)
+
+
+def _close(descriptor: int | None) -> None:
+    if descriptor is not None:
+        os.close(descriptor)
 
 
 def _rename(file: Path, target: Path) -> None:

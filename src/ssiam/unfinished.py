@@ -30,7 +30,7 @@ def hold(path: Path) -> int | None:
     BlockingIOError
         Another process, or another descriptor of this one, holds it.
     FileNotFoundError
-        It does not exist.
+        It does not exist, or was removed before it was locked.
     """
     if fcntl is None:
         return None
@@ -43,7 +43,10 @@ def hold(path: Path) -> int | None:
         return None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        # Its name may belong to a new file by now, which the lock does not protect.
+        if not os.path.samestat(os.fstat(descriptor), os.lstat(path)):
+            raise FileNotFoundError(path)
+    except (BlockingIOError, FileNotFoundError):
         os.close(descriptor)
         raise
     except OSError:
@@ -55,19 +58,18 @@ def hold(path: Path) -> int | None:
 def hold_new(path: Path) -> int | None:
     """As `hold`, for what was created a moment ago.
 
+    Remove or rename it before its descriptor is closed: without the lock, another process may
+    remove it.
+
     Raises
     ------
     FileNotFoundError
         Another process took it for abandoned and has removed it: create another one.
     """
     try:
-        descriptor = hold(path)
+        return hold(path)
     except BlockingIOError:
         raise FileNotFoundError(path) from None
-    if descriptor is not None and not os.path.lexists(path):
-        os.close(descriptor)
-        raise FileNotFoundError(path)
-    return descriptor
 
 
 def remove_abandoned(paths: Iterable[Path]) -> list[Path]:
