@@ -81,10 +81,9 @@ def test_int8_with_a_folder_of_images(models, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        pytest.param(
-            ["export", "csrt", "FILE"], "unknown tracker with a .pth file", id="no network"
-        ),
+        pytest.param(["export", "csrt", "FILE"], "unknown tracker to export", id="no network"),
         pytest.param(["export", ALEX, "FILE"], f"those of siamfc, not of {ALEX}", id="another"),
+        pytest.param(["export", "siamfc"], "siamfc: give the authors' .pth file", id="no file"),
         pytest.param(["export", "siamfc", "missing.pth"], "missing.pth do not exist", id="absent"),
         pytest.param(
             ["export", "siamfc", "FILE", "--precision", "int8"], "needs images", id="no pictures"

@@ -133,5 +133,5 @@ def test_int8_of_f32_files_is_refused(runtime):
     pytest.importorskip(runtime)
     with pytest.raises(WeightsError, match="not in int8: export them with"):
         load_network(exported(ALEX) / "search.onnx", runtime=runtime, precision="int8")
-    with pytest.raises(ArgumentError, match="not in int8: export"):
+    with pytest.raises(ArgumentError, match="not in int8: write those with"):
         load_pieces(exported(ALEX), ALEX, RuntimeOptions(runtime, precision="int8"))

@@ -3,11 +3,13 @@
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
 import ssiam
 from helpers.synthetic import golden_video
+from ssiam.cli import main
 from ssiam.errors import ArgumentError, WeightsError
 from ssiam.geometry import iou
 from ssiam.trackers.lite import SHIPPED
@@ -35,6 +37,50 @@ def test_it_does_not_need_torch():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "loaded\n", done.stderr
+
+
+@pytest.fixture(scope="module")
+def int8(tmp_path_factory):
+    """Folder of the network in int8, calibrated on a drawn video, by `ssiam weights export`."""
+    pytest.importorskip("onnxruntime")
+    folder = tmp_path_factory.mktemp("int8")
+    for number, frame in enumerate(golden_video("B")[0][:4]):
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    command = ["weights", "export", "lite", "--precision", "int8", "--pictures", str(folder)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ssiam.runtime.quantization._CROPS", 4)
+        assert main([*command, "--out", str(folder / "weights")]) == 0
+    return folder / "weights" / "lite"
+
+
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_int8_tracks_as_f32_does(int8, runtime):
+    exact, _ = tracked(ssiam.load_tracker(stabilize="off"))
+    tracker = ssiam.load_tracker(weights=int8, stabilize="off", runtime=runtime, precision="int8")
+    tracks, _ = tracked(tracker)
+    overlaps = iou([track.box for track in tracks], [track.box for track in exact])
+    assert 0.8 < np.mean(overlaps) < 1
+    assert (int8 / "search.onnx").stat().st_size < 0.8 * (SHIPPED / "search.onnx").stat().st_size
+
+
+def test_bf16_tracks_as_f32_does():
+    exact, _ = tracked(ssiam.load_tracker(stabilize="off"))
+    tracks, _ = tracked(ssiam.load_tracker(stabilize="off", precision="bf16"))
+    assert np.mean(iou([track.box for track in tracks], [track.box for track in exact])) > 0.8
+
+
+def test_int8_needs_weights_in_int8(int8, tmp_path, capsys):
+    with pytest.raises(ArgumentError, match=r"weights export lite \[FILE\] --precision int8"):
+        ssiam.load_tracker(precision="int8")
+    for arguments, words in (
+        ([str(int8), "--precision", "int8", "--pictures", str(int8.parents[1])], "are in int8"),
+        (["--precision", "int8"], "needs images"),
+        ([], "lite is in ONNX already: give --precision int8"),
+        (["missing", "--precision", "int8", "--pictures", str(int8.parents[1])], "missing"),
+    ):
+        assert main(["weights", "export", "lite", *arguments, "--out", str(tmp_path)]) == 2
+        assert words in capsys.readouterr().err
+    assert not list(tmp_path.glob("*/*.onnx"))
 
 
 @pytest.mark.parametrize("stabilize", ["off", "predict"])
@@ -86,7 +132,6 @@ def test_a_clone_does_not_change_the_original():
     ("options", "message"),
     [
         pytest.param({"runtime": "torch"}, "choose runtime openvino or onnxruntime", id="torch"),
-        pytest.param({"precision": "int8"}, "no int8 weights", id="int8"),
     ],
 )
 def test_unsupported_options_are_refused(options, message):

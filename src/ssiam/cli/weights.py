@@ -31,6 +31,7 @@ from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import MANIFEST_FILE, Manifest
 from ssiam.runtime.model_zoo import OTHER_WEIGHTS, PublishedFile, how_to_get_weights
 from ssiam.trackers import registry
+from ssiam.trackers.lite import NETWORK, SHIPPED
 from ssiam.trackers.weight_imports import copy_files, import_weights
 from ssiam.video.source_files import check_distinct_from_source
 
@@ -190,7 +191,7 @@ def import_(
 @weights.command(name="export")
 def export(
     name: str,
-    file: Path,
+    file: Path | None = None,
     /,
     *,
     out: Path = Path("weights"),
@@ -201,14 +202,16 @@ def export(
 ) -> None:
     """Export the network of an authors' .pth file to ONNX, for OpenVINO and ONNX Runtime.
 
-    The exported files are stored only if their outputs agree with PyTorch's.
+    The exported files are stored only if their outputs agree with PyTorch's. lite is in ONNX
+    already: this writes it in int8.
 
     Parameters
     ----------
     name
-        The tracker: siamfc, siamrpn_..., siammask_...
+        The tracker: lite, siamfc, siamrpn_..., siammask_...
     file
-        The .pth file.
+        The .pth file; for lite the folder of a network that ssiam train has written, by default
+        the one in the package.
     out
         Folder in which a folder named after the tracker is written.
     precision
@@ -217,20 +220,30 @@ def export(
         Video or folder of images to calibrate int8 on, similar to those that will be tracked.
     """
     known = [each for each in MODEL_ZOO if not each.startswith(("nanotrack", "fear"))]
-    tracker = check_choice("tracker with a .pth file", name, known)
+    tracker = check_choice("tracker to export", name, ("lite", *known))
+    if tracker == "lite":
+        if precision != "int8":
+            raise ArgumentError("lite is in ONNX already: give --precision int8")
+        file = file or SHIPPED
+    elif file is None:
+        raise ArgumentError(f"{tracker}: give the authors' .pth file after the name")
     _check_folder("--out", out / tracker, [("the weights", file)], calibration_source)
     images = [] if calibration_source is None else _calibration_images(calibration_source)
-    _export(file, out / tracker, tracker, precision, images)
-    print(f"{file}: {MODEL_ZOO[tracker].network}, {precision}, written to {out / tracker}")
+    network = _export(file, out / tracker, tracker, precision, images)
+    print(f"{file}: {network}, {precision}, written to {out / tracker}")
 
 
 def _export(
     file: Path, target: Path, name: str, precision: Literal["f32", "int8"], images: Sequence[Image]
-) -> None:
-    from ssiam.runtime.export import export_network
+) -> str:
+    """Write the files; returns the name of the network."""
+    from ssiam.runtime.export import export_network, quantize_export
 
+    if name == "lite":
+        return quantize_export(file, target, NETWORK, images).network
     network = MODEL_ZOO[name].network
     export_network(file, target, name=name, network=network, precision=precision, images=images)
+    return network
 
 
 def _calibration_images(source: str) -> list[Image]:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
 from ssiam.errors import ArgumentError, WeightsError
+from ssiam.outputs import check_distinct
 from ssiam.runtime.files import sha256
-from ssiam.runtime.manifest import OPSET, Manifest, atomic_export
+from ssiam.runtime.manifest import OPSET, Manifest, atomic_export, package_version
 from ssiam.runtime.network import Network, Tensor
 from ssiam.runtime.openvino import OpenVinoNetwork
-from ssiam.runtime.pytorch import read_network
+from ssiam.runtime.pytorch import read_network, wrong_network_error
 from ssiam.runtime.quantization import calibration_feeds, quantize
 
 if TYPE_CHECKING:
     from ssiam.networks import Checkpoint, SiameseNetwork
 
-__all__ = ["TOLERANCE", "export_network", "relative_difference"]
+__all__ = ["TOLERANCE", "export_network", "quantize_export", "relative_difference"]
 
 TOLERANCE: Final = 1e-3  # between PyTorch and the files, see `relative_difference`
 
@@ -71,8 +74,8 @@ def export_network(
     SinkError
         The folder cannot be written.
     """
-    if precision == "int8" and not images:
-        raise ArgumentError("int8 needs images to calibrate on: give --pictures VIDEO or FOLDER")
+    if precision == "int8":
+        _check_images(images)
     checkpoint = read_network(weights, network)
     path = weights if weights.is_file() else next(weights.glob("*.pth"))
     with atomic_export(folder) as temporary:
@@ -82,6 +85,59 @@ def export_network(
         manifest = Manifest(name, network, sha256(path), pieces, precision)
         manifest.write(temporary)
     return manifest
+
+
+def quantize_export(source: Path, folder: Path, network: str, images: Sequence[Any]) -> Manifest:
+    """Write an int8 version of a network that is exported in float32.
+
+    search.onnx, which runs once per frame, is quantized; the other pieces are copied.
+
+    Parameters
+    ----------
+    source : Path
+        Folder of the float32 network.
+    folder : Path
+        The output folder, created if it does not exist.
+    network : str
+        Name of the expected network.
+    images : sequence of (H, W, 3) uint8 BGR
+        Images for the calibration.
+
+    Returns
+    -------
+    Manifest
+        As stored in the output folder.
+
+    Raises
+    ------
+    MissingExtraError
+        ONNX Runtime is not installed.
+    WeightsError
+        The folder holds no exported network, or another one, or it is in int8 already.
+    ArgumentError
+        There are no images, or both folders are the same.
+    SinkError
+        The folder cannot be written.
+    """
+    _check_images(images)
+    manifest = Manifest.read(source)
+    if manifest.network != network:
+        raise wrong_network_error(source, manifest.network, network)
+    if manifest.precision != "f32":
+        raise WeightsError(f"weights {source} are in {manifest.precision}: give those in f32")
+    check_distinct([("the int8 network", folder)], [("the network", source)])
+    with atomic_export(folder) as temporary:
+        for piece in manifest.pieces:
+            shutil.copyfile(source / f"{piece}.onnx", temporary / f"{piece}.onnx")
+        _quantize_search(temporary, images, rgb=False)
+        quantized = replace(manifest, precision="int8", ssiam=package_version())
+        quantized.write(temporary)
+    return quantized
+
+
+def _check_images(images: Sequence[Any]) -> None:
+    if not images:
+        raise ArgumentError("int8 needs images to calibrate on: give --pictures VIDEO or FOLDER")
 
 
 def relative_difference(actual: Tensor, expected: Tensor) -> float:
@@ -141,5 +197,5 @@ def _quantize_search(folder: Path, images: Sequence[Any], *, rgb: bool) -> None:
     template = OpenVinoNetwork(folder / "template.onnx", cached=False)
     path, exact = folder / "search.onnx", folder / "search-f32.onnx"
     path.rename(exact)
-    shape = OpenVinoNetwork(exact, cached=False).input_shapes[0]
-    quantize(exact, path, calibration_feeds(template, shape, images, rgb=rgb))
+    shapes = OpenVinoNetwork(exact, cached=False).input_shapes
+    quantize(exact, path, calibration_feeds(template, shapes, images, rgb=rgb))

@@ -131,8 +131,8 @@ def _load_export(folder: Path, network: str, options: RuntimeOptions) -> Pieces:
         raise wrong_network_error(folder, manifest.network, network)
     if options.precision == "int8" and manifest.precision != "int8":
         raise ArgumentError(
-            f"weights {folder} are not in int8: export the .pth file with "
-            f"ssiam weights export {manifest.name} FILE --precision int8 --pictures VIDEO"
+            f"weights {folder} are not in int8: write those with ssiam weights export "
+            f"{manifest.name} [FILE] --precision int8 --pictures VIDEO, and give their folder"
         )
     paths = {piece: folder / f"{piece}.onnx" for piece in manifest.pieces}
     pieces = _load_shared(paths, manifest, options)

@@ -31,7 +31,7 @@ _MAX_OFFSET: Final = 0.25  # target to center of the search region, in the regio
 
 def calibration_feeds(
     template: Network,
-    search_shape: tuple[int, ...],
+    search_shapes: Sequence[tuple[int, ...]],
     images: Sequence[Tensor | np.ndarray[Any, np.dtype[np.uint8]]],
     *,
     rgb: bool = False,
@@ -44,8 +44,9 @@ def calibration_feeds(
     ----------
     template : Network
         The template piece: (1, 3, 127, 127) -> kernels.
-    search_shape : tuple of int
-        Shape (N, 3, S, S) of the search piece's first input.
+    search_shapes : sequence of tuple of int
+        Shapes of the search piece's inputs: (N, 3, S, S) of the crops, then those of the kernels.
+        One more is the last kernel of a recent template, or fewer if it does not use the last one.
     images : sequence of (H, W, 3) uint8 BGR
     rgb : bool
         Whether the network takes RGB crops.
@@ -53,7 +54,8 @@ def calibration_feeds(
     Returns
     -------
     list of Feed
-        Inputs of 32 runs: crops (N, 3, S, S) float32 in 0..255, then the kernels.
+        Inputs of 32 runs: crops (N, 3, S, S) float32 in 0..255, then the kernels. The recent
+        template is the first one.
 
     Raises
     ------
@@ -63,7 +65,7 @@ def calibration_feeds(
     if not images:
         raise ArgumentError("no images to calibrate on: give a video or a folder of images")
     random = np.random.default_rng(0)
-    count, _, side, _ = search_shape
+    count, _, side, _ = search_shapes[0]
     feeds = []
     for i in range(_CROPS):
         image = images[i * len(images) // _CROPS]
@@ -75,7 +77,7 @@ def calibration_feeds(
         search_side = template_side * side / _TEMPLATE
         offsets = random.uniform(-_MAX_OFFSET, _MAX_OFFSET, (count, 2)) * search_side
         crops = [_crop(image, center_xy + offset, search_side, side) for offset in offsets]
-        feeds.append([np.concatenate(crops), *kernels])
+        feeds.append([np.concatenate(crops), *kernels, kernels[-1]][: len(search_shapes)])
     return feeds
 
 

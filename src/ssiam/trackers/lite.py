@@ -110,14 +110,12 @@ class LiteNetworks:
         WeightsError
             The weights are missing, damaged or of another network.
         ArgumentError
-            The runtime is "torch" or the precision "int8".
+            The runtime is "torch", or the precision is "int8" and the weights are in float32.
         """
         from ssiam.runtime.loading import load_pieces
 
         if options.runtime == "torch":
             raise ArgumentError("tracker lite is in ONNX: choose runtime openvino or onnxruntime")
-        if options.precision == "int8":
-            raise ArgumentError("tracker lite has no int8 weights: leave precision out")
         pieces = load_pieces(weights, NETWORK, options)
         networks = cls(pieces["template"], pieces["search"], pieces.get("mask"))
         if not networks._have_the_shapes_of_lite():
