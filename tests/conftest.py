@@ -1,11 +1,15 @@
 import os
 import signal
+from functools import cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from ssiam.runtime import openvino
+from ssiam.trackers.lite import SHIPPED
 
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 
@@ -15,6 +19,20 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # A busy machine is no failure.
 settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _networks_compiled_once():
+    """Trackers share the shipped networks and those of the test data: compiling takes .5 s."""
+    load, share = openvino.OpenVinoNetwork, cache(openvino.OpenVinoNetwork)
+
+    def shared_or_new(path, *arguments, **options):
+        is_shared = {SHIPPED, SHARED / "data" / "weights"} & set(path.parents)
+        return (share if is_shared and not options else load)(path, *arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(openvino, "OpenVinoNetwork", shared_or_new)
+        yield
 
 
 @pytest.fixture

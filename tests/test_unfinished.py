@@ -6,9 +6,10 @@ from multiprocessing import get_context
 
 import pytest
 
+from helpers.part_writers import check_often, stage_often, write_often
 from ssiam import unfinished
 from ssiam.errors import SinkError
-from ssiam.outputs import atomic_write, check_output
+from ssiam.outputs import atomic_write
 from ssiam.runtime.files import cache_folder
 from ssiam.runtime.manifest import Manifest, atomic_export
 from ssiam.trackers.lite import SHIPPED
@@ -82,30 +83,13 @@ def test_what_is_in_use_is_kept(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ["a.txt"]
 
 
-def _write_often(path, text):
-    for _ in range(200):
-        with atomic_write(path, "w", hidden=True) as file:
-            file.write(text)
-
-
-def _check_often(path, _):
-    for _ in range(200):
-        check_output(path)
-
-
-def _stage_often(path, _):
-    for _ in range(200):
-        with staging_folder(path.parent, ".x-") as folder:
-            (folder / "file").write_text("1")
-
-
-@pytest.mark.parametrize("also", [_write_often, _check_often, _stage_often])
-def test_processes_that_write_one_file_do_not_disturb_each_other(tmp_path, also):
+def test_processes_that_write_one_file_do_not_disturb_each_other(tmp_path):
     path = tmp_path / "run.json"
     with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as processes:
-        calls = [processes.submit(call, path, "text") for call in (_write_often, also) * 2]
-    for call in calls:
-        call.result()
+        calls = write_often, write_often, check_often, stage_often
+        done = [processes.submit(call, path) for call in calls]
+    for each in done:
+        each.result()
     assert [each.name for each in tmp_path.iterdir()] == ["run.json"]
     assert path.read_text() == "text"
 
