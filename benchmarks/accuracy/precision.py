@@ -157,10 +157,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="other sequences than those of the test data")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    name = check_choice("tracker", arguments.tracker, ["lite", *PARAMETERS])
-    if name == "lite":
+    if arguments.tracker == "lite":
         trackers = lite_trackers(arguments.runtime)
     else:
+        name = check_choice("tracker", arguments.tracker, tuple(PARAMETERS))
         trackers = nanotrack_trackers(name, arguments.runtime)
     clips = sequences() if arguments.data is None else sequences(arguments.data)
     found: dict[str, list[Floats]] = {precision: [] for precision in trackers}

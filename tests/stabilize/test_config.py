@@ -52,7 +52,8 @@ def test_options_are_the_flat_settings_in_the_order_of_labels():
         *("keypoints", "fit", "spread"),
         *("window", "gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"),
         *("judge", "shake", "limits", "tha_limits", "tha_unit"),
-        *("choose", "speed", "turn", "trust", "find", "memory", "smoothing", "margin"),
+        *("choose", "speed", "turn", "trust", "prefer", "find"),
+        *("memory", "smoothing", "margin"),
     ]
 
 
@@ -77,7 +78,7 @@ def test_the_defaults_are_the_papers_or_measured_ones():
         30, 0.1, 20, 60.0, 30.0, 20.0, 10.0, 0.3, "frame", 0.7, "nested", "angle", "rad"
     )
     assert PaperConfig() == paper
-    assert PredictConfig() == PredictConfig(True, True, True, True, True, 0.8, 0.5, 0.1)
+    assert PredictConfig() == PredictConfig(True, True, True, True, True, True, 0.8, 0.5, 0.1)
     config = StabilizerConfig()
     assert config == StabilizerConfig("predict", "direct", "robust", True, paper, PredictConfig())
 
@@ -113,7 +114,7 @@ def test_values_at_the_limits_are_valid(values):
         ),
         *(
             ({name: 1}, f"{name} is 1: it must be True or False")
-            for name in ("choose", "speed", "turn", "trust", "find", "spread")
+            for name in ("choose", "speed", "turn", "trust", "prefer", "find", "spread")
         ),
         *(
             ({name: None}, f"{name} is None: it must be a number")

@@ -138,6 +138,8 @@ class PredictConfig:
         Remove the camera's roll from the view.
     trust : bool
         Give low-score boxes less weight in the prediction errors and none in the speed.
+    prefer : bool
+        Prefer candidates near the predicted position, if the tracker can list its candidates.
     find : bool
         Search for a lost target at its position in the scene.
     memory : float
@@ -157,13 +159,14 @@ class PredictConfig:
     speed: bool = True
     turn: bool = True
     trust: bool = True
+    prefer: bool = True
     find: bool = True
     memory: float = 0.8
     smoothing: float = 0.5
     margin: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("choose", "speed", "turn", "trust", "find"):
+        for name in ("choose", "speed", "turn", "trust", "prefer", "find"):
             _check_type(self, name, bool, "True or False")
         for name in ("memory", "smoothing", "margin"):
             _check_type(self, name, Real, "a number")

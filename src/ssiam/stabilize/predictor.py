@@ -68,7 +68,7 @@ class TargetPredictor(DeepCopied):
     Parameters
     ----------
     config : PredictConfig
-        `find` is not used here.
+        `prefer` and `find` are not used here.
     xywh : (x, y, w, h)
         The target in the first frame, raw-frame pixels.
 
@@ -159,6 +159,11 @@ class TargetPredictor(DeepCopied):
         """Distance (dx, dy) in the scene since the last box at constant speed; pixels."""
         x, y = (self._speeds[1] * (self._elapsed - 1)).tolist()
         return x, y
+
+    @property
+    def error(self) -> float:
+        """Recent error of the best prediction, target sizes."""
+        return float(self._errors.min())
 
     @property
     def _size(self) -> float:

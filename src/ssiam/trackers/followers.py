@@ -24,6 +24,7 @@ from ssiam.track import Track
 from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.global_search import GlobalSearch
 from ssiam.trackers.lost import LossDetector, ReachableBox
+from ssiam.trackers.position_prior import near_prediction
 from ssiam.trackers.recognition import TargetRecognition
 from ssiam.trackers.responses import Response
 from ssiam.trackers.scenes import SceneMemory
@@ -280,7 +281,7 @@ class PredictiveFollower:
         if not (is_simple and self._tracker.has_responses and self._config.predict.find):
             return None
         view = FrameView(frame, step.stab_from_raw, self._config.border)
-        return FrameResponse(view, self._tracker.respond(view))
+        return FrameResponse(view, self._response(view, step.search_xywh))
 
     def decide(self, step: FrameStep, decision: Decision) -> Track:
         """The target by a decision among the candidates; raw-frame pixels."""
@@ -338,7 +339,7 @@ class PredictiveFollower:
         if self._tracker_is_elsewhere:
             first = self._seek(view, search_xywh)
         else:
-            first = self._tracker.update(view).mapped(view.raw_from_stab, view.size_wh)
+            first = self._updated(view, search_xywh).mapped(view.raw_from_stab, view.size_wh)
         self._tracker_is_elsewhere = False
         tracker = self._tracker
         if (
@@ -350,6 +351,21 @@ class PredictiveFollower:
         second = self._seek(view, search_xywh)
         self._tracker_is_elsewhere = second.score <= first.score
         return first if self._tracker_is_elsewhere else second
+
+    def _updated(self, view: FrameView, search_xywh: XYWH) -> Track:
+        """The tracker's result in the view."""
+        if not (self._tracker.has_responses and self._config.predict.prefer):
+            return self._tracker.update(view)
+        response = self._response(view, search_xywh)
+        return self._tracker.accept(view, response, response.best)
+
+    def _response(self, view: FrameView, search_xywh: XYWH) -> Response:
+        """The tracker's candidates, ranked also by their distance from the prediction."""
+        response = self._tracker.respond(view)
+        if not self._config.predict.prefer:
+            return response
+        stab_xywh = map_box(view.stab_from_raw, search_xywh)
+        return near_prediction(response, stab_xywh, self._prediction.error)
 
     def _after_gap(
         self, view: FrameView, track: Track, search_xywh: XYWH, shift_xy: tuple[float, float]
