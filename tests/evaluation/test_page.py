@@ -77,7 +77,7 @@ def test_a_page_in_markdown():
         "# Tables and figures of stabilized tracking\n\nExplained.\n\n"
         f"## One\n\n{markdown_table(PLAIN)}\n\n"
         "### A & B\n\n![A & B](<fig1-d.png>)\n\nSee <this>.\n\n"
-        "- Missing:\n- x\n- y\n\n"
+        "### Missing\n\n- x\n- y\n\n"
         "## Two\n\n### Short\n\n| a   |\n| --- |\n"
     )
 

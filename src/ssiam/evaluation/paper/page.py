@@ -88,7 +88,7 @@ def markdown(sections: Sequence[Section], explanation: str, title: str = _TITLE)
             f"### {each.title}\n\n![{each.title}](<{each.name}.png>)\n\n{each.caption}"
             for each in section.figures
         ]
-        parts += [_bullets(("Missing:", *section.notes))] if section.notes else []
+        parts += [f"### Missing\n\n{_bullets(section.notes)}"] if section.notes else []
     return "\n\n".join(parts) + "\n"
 
 
