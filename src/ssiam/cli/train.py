@@ -80,14 +80,12 @@ def train(
     run(settings, training_batches(settings, root), folder, _print_metrics, device, root)
 
 
-def _write_pack(
-    settings: TrainSettings, root: Path | None, folder: Path, megabytes: float
-) -> None:
-    from ssiam.training.data.pack import write_pack
+def _write_pack(settings: TrainSettings, root: Path | None, folder: Path, megabytes: float) -> None:
+    from ssiam.training.pack import write_pack
 
     written = write_pack(settings.located(root), folder, megabytes)
     print(
-        f"{folder}: {written.crops} crops of {written.tracks} targets and {written.sequences} "
+        f"{folder}: {written.crops} crops of {written.targets} targets and {written.sequences} "
         f"held-out sequences, {written.size / 1e6:.1f} MB; train with {folder / 'config.toml'}"
     )
 
