@@ -71,8 +71,8 @@ def _convolution(
         dtype = torch.get_autocast_dtype("cpu")
         input, weight = input.to(dtype), weight.to(dtype)
         bias = None if bias is None else bias.to(dtype)
-    result: Tensor = _Depthwise.apply(input, weight, bias, _pair(stride), _pair(padding))
-    return result
+    convolve: Callable[..., Tensor] = _Depthwise.apply
+    return convolve(input, weight, bias, _pair(stride), _pair(padding))
 
 
 class _Depthwise(torch.autograd.Function):

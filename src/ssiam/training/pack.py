@@ -143,7 +143,7 @@ def _held_out(settings: TrainSettings, max_bytes: int) -> tuple[list[Files], tup
     """Files of each held-out sequence that fits, and the datasets; each has an equal share."""
     tables = settings.validation.held_out if settings.validation is not None else ()
     found: list[Files] = []
-    packed = []
+    packed: list[HeldOut] = []
     for number, table in enumerate(tables):
         folder, left = f"held_out{number:02}", max_bytes / len(tables)
         for sequence in _shuffled(list(held_out_sequences(table)), settings.seed):

@@ -1,7 +1,7 @@
 """Crops around targets of training data as files, in layouts that the readers of sources know.
 
-Targets of several frames become track folders, those of several frames with masks videos of
-YouTube-VOS, those of one frame images of COCO. Other objects in a crop stay its distractors.
+Objects of videos become track folders, those with masks videos of YouTube-VOS, objects of single
+images those of COCO. Other objects in a crop stay its distractors.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ssiam.training.data.images import image_size
 from ssiam.training.data.masks import Mask
 from ssiam.training.data.registry import SourceSettings
 from ssiam.training.data.sampling import TargetFrame, TargetSampler
-from ssiam.training.data.tracks import Source
+from ssiam.training.data.tracks import SingleImageTrack, Source
 
 __all__ = ["CropWindow", "Files", "PackedCrop", "draw_crops", "source_files", "window_around"]
 
@@ -196,7 +196,7 @@ def _key(target: TargetFrame) -> tuple[Any, ...]:
 
 
 def _kind(target: TargetFrame) -> str:
-    if target.track.frames == 1:
+    if isinstance(target.track, SingleImageTrack):
         return "images"
     return "boxes" if target.track.mask(target.t) is None else "masks"
 
