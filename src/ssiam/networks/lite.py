@@ -190,11 +190,6 @@ def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
     channels = WIDTH // _HEADS
     queries = query.reshape(-1, _HEADS, channels, query.shape[2] * query.shape[3])
     keys, values = (part.reshape(-1, _HEADS, channels, part.shape[2]) for part in (key, value))
-    if torch.is_grad_enabled() and not torch.is_autocast_enabled("cpu"):
-        # Faster with gradients, except in bf16 on CPUs. Exported graphs have the formula below.
-        rows = [part.transpose(2, 3).contiguous() for part in (queries, keys, values)]
-        attended = F.scaled_dot_product_attention(rows[0], rows[1], rows[2])
-        return attended.transpose(2, 3).reshape(query.shape)
     weights = torch.softmax(queries.transpose(2, 3) @ keys * channels**-0.5, dim=3)
     return (values @ weights.transpose(2, 3)).reshape(query.shape)
 

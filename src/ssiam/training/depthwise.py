@@ -3,7 +3,7 @@
 oneDNN, which PyTorch uses, has a fast weight gradient for depthwise kernels of up to 3 x 3 px. That
 of larger ones takes several times as long per weight, and in bf16 ten times. Here the gradient of a
 larger kernel is put together from those of small kernels that cover it, each with the input
-shifted (docs/decisions/0017-cost-of-training.md).
+shifted (docs/decisions/0011-cost-of-training.md).
 """
 
 from __future__ import annotations

@@ -149,7 +149,8 @@ def _held_out(settings: TrainSettings, max_bytes: int) -> tuple[list[Files], tup
         for sequence in _shuffled(list(held_out_sequences(table)), settings.seed):
             assert settings.validation is not None
             count = min(settings.validation.frames, _HELD_OUT_FRAMES)
-            files = _sequence_files(sequence, f"{folder}/{sequence.name}", count)
+            name = sequence.name.replace("/", "_")
+            files = _sequence_files(sequence, f"{folder}/{name}", count)
             left -= _size(files)
             if left < 0:
                 break

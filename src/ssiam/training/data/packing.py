@@ -301,12 +301,13 @@ def _video_files(crops: list[PackedCrop]) -> Files:
     videos: dict[str, Any] = {}
     for own in _grouped(crops, "scene").values():
         video = f"scene{len(videos):04}"
-        labels = _numbers(index for crop in own for index in crop.masks)
+        found = _numbers(index for crop in own for index in crop.masks)
+        labels = {index: label for index, label in found.items() if label < _MAX_LABELS}
         videos[video] = {"objects": {str(label + 1): {} for label in labels.values()}}
         for crop in own:
             image = np.zeros(crop.window.size_wh[::-1], dtype=np.uint8)
-            for index, mask in crop.masks.items():
-                image[mask] = min(labels[index] + 1, _MAX_LABELS)
+            for index in filter(labels.__contains__, crop.masks):
+                image[crop.masks[index]] = labels[index] + 1
             files[f"JPEGImages/{video}/{crop.t:05}.jpg"] = crop.image
             files[f"Annotations/{video}/{crop.t:05}.png"] = _encoded(".png", image)
     return {**files, "meta.json": _json({"videos": videos})}
