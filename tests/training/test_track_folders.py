@@ -7,61 +7,18 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.sets_on_disk import open_set, scene, write_image
+from helpers.sets_on_disk import open_set
+from helpers.track_sets import SIZE, WHOLE, position, write_track, write_walkers
 from ssiam.datasets import DatasetError
 from ssiam.errors import ArgumentError
 from ssiam.training import SourceSettings
 from ssiam.training.data.sampling import TargetSampler
 from ssiam.training.data.track_folders import list_videos
 
-# Size of the bright rectangles in frames of 320 x 240.
-SIZE = (20, 30)
-
-
-def position(number, frame):
-    """Left and top edge of an object in a frame of its video."""
-    return 40 + 60 * number + frame, 80 + 10 * number
-
-
-def write_track(root, name, number, regions, *, video="park", category="person", **meta):
-    """A folder of the object `number`; `regions` (x0, y0, x1, y1, scale) by frame."""
-    folder = root / name
-    lines = []
-    for index, (frame, (left, top, right, bottom, scale)) in enumerate(regions.items(), 1):
-        drawn = [(*position(each, frame), *SIZE) for each in range(4)]
-        image = scene(*drawn)[top:bottom, left:right]
-        image = image.repeat(scale, axis=0).repeat(scale, axis=1)
-        write_image(folder / f"{index:08}.png", image)
-        x, y = position(number, frame)
-        box = (x - left, y - top, *SIZE)
-        lines.append(",".join(f"{value * scale:.2f}" for value in box) + "\n")
-    (folder / "groundtruth.txt").write_text("".join(lines))
-    (folder / "absence.label").write_text("0\n" * len(regions))
-    content = {
-        "video": video,
-        "track_id": number,
-        "category": category,
-        "frames": list(regions),
-        "crop_windows_x0y0x1y1_scale": [list(region) for region in regions.values()],
-    }
-    (folder / "meta.json").write_text(json.dumps(content | meta))
-    return folder
-
-
-WHOLE = (0, 0, 320, 240, 1)
-RIGHT = (90, 60, 250, 180, 2)
-
 
 @pytest.fixture
 def folders(tmp_path):
-    sets = tmp_path / "walkers"
-    write_track(sets, "park_id000_s0", 0, {0: WHOLE, 10: WHOLE, 20: WHOLE})
-    write_track(sets, "park_id001_s0", 1, {0: RIGHT, 10: (60, 60, 200, 150, 1)})
-    write_track(sets, "park_id001_s1", 1, {20: WHOLE, 40: WHOLE})
-    write_track(sets, "park_id002_s0", 2, {0: WHOLE, 20: RIGHT})
-    write_track(sets, "street_id000_s0", 0, {0: WHOLE}, video="street")
-    write_track(sets, "park_id003_s0", 3, {0: WHOLE}, category="bag")
-    return tmp_path
+    return write_walkers(tmp_path)
 
 
 def track_of(source, name):
@@ -190,8 +147,14 @@ def test_videos_are_named_with_their_set(folders):
         ({"crop_windows_x0y0x1y1_scale": [[0, 0, 9, 9]] * 3}, "is not a region"),
         ({"crop_windows_x0y0x1y1_scale": [[0, 0, 0, 9, 1]] * 3}, "without area"),
         ({"crop_windows_x0y0x1y1_scale": [[0, 0, 9, 9, float("nan")]] * 3}, "without area"),
+        ({"distractors": [[None, [1, 2, 3, 0], None]]}, "not lists of boxes"),
+        ({"distractors": [[None, "word", None]]}, "not lists of boxes"),
+        ({"distractors": [[None, None]]}, "not as many boxes of a distractor"),
     ],
-    ids=["no json", "a list", "few frames", "words", "few numbers", "no area", "nan"],
+    ids=[
+        *("no json", "a list", "few frames", "words", "few numbers", "no area", "nan"),
+        *("no size", "no box", "few boxes"),
+    ],
 )
 def test_damaged_folders_are_reported(tmp_path, change, message, caplog):
     sets = tmp_path / "walkers"
@@ -259,3 +222,13 @@ def patch(image, xywh):
         image, image_from_patch, (12, 24), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     ).astype(float)
     return (pixels - pixels.mean()) / max(pixels.std(), 1e-9)
+
+
+def test_given_boxes_of_distractors_replace_mapped_ones(folders):
+    meta = folders / "walkers/park_id001_s0/meta.json"
+    content = json.loads(meta.read_text()) | {"distractors": [[[1, 2, 3, 4], None]]}
+    meta.write_text(json.dumps(content))
+    source = open_set("tracks", folders)
+    i = track_of(source, "park_id001_s0")
+    assert distractor_boxes(source, i) == [[(1, 2, 3, 4), None]]
+    assert source.track(source.distractors(i)[0]).scene_ids == source.track(i).scene_ids

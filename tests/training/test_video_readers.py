@@ -18,6 +18,7 @@ from helpers.sets_on_disk import (
     write_palette_png,
 )
 from ssiam.datasets import DatasetError
+from ssiam.training.data import images
 
 PALETTE = [(0, 0, 0), (236, 95, 103), (249, 145, 87)]
 
@@ -129,3 +130,10 @@ def test_sequences_of_tracking_datasets(tmp_path):
     (folder / "absence.label").write_text("0\n1\n0\n")
     track = open_set("got10k", tmp_path, split="train").track(0)
     assert [track.box(t) for t in range(3)] == [(1, 2, 30, 40), None, (3, 2, 30, 40)]
+
+
+def test_boxes_of_labels_are_found_once(tmp_path, monkeypatch):
+    track = open_set("davis", write_davis(tmp_path, frames=6)).track(0)
+    boxes = [track.box(t) for t in range(6)]
+    monkeypatch.setattr(images, "read_unchanged", None)
+    assert [track.box(t) for t in range(6)] == boxes

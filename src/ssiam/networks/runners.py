@@ -141,7 +141,7 @@ def graph_runners(
     ArgumentError
         The device is not available.
     """
-    _check_device(device)
+    check_device(device)
     torch.set_num_threads(threads)
     dtype = _DTYPES[precision]
     network = checkpoint.network.to(device, dtype)
@@ -165,7 +165,8 @@ def _graph_shapes(graph: InferenceGraph, inputs: Iterable[Shape]) -> PieceShapes
     return PieceShapes(inputs, [tuple(each.shape) for each in outputs])
 
 
-def _check_device(device: TorchDevice) -> None:
+def check_device(device: TorchDevice) -> None:
+    """Raise `ArgumentError` if PyTorch cannot use a device on this machine."""
     available = device == "cpu" or (device == "cuda" and torch.cuda.is_available())
     if not available and not (device == "mps" and torch.backends.mps.is_available()):
         raise ArgumentError(

@@ -52,12 +52,12 @@ class PairLabels(NamedTuple):
     weight: Tensor
 
 
-def pair_labels(batch: Batch) -> PairLabels:
-    """The ground truth of a batch as tensors."""
+def pair_labels(batch: Batch, device: torch.device | None = None) -> PairLabels:
+    """The ground truth of a batch as tensors on a device, by default the CPU."""
     return PairLabels(
-        box=torch.from_numpy(batch.box),
-        present=torch.from_numpy(batch.present),
-        weight=torch.from_numpy(batch.weight),
+        box=torch.from_numpy(batch.box).to(device),
+        present=torch.from_numpy(batch.present).to(device),
+        weight=torch.from_numpy(batch.weight).to(device),
     )
 
 
@@ -184,7 +184,8 @@ def distillation_losses(
     teacher: TeacherResponses, predictions: Predictions, settings: TeacherSettings
 ) -> dict[str, Tensor]:
     """Losses of "lite" against its teachers by name, multiplied by the settings' weights."""
-    teacher_score, teacher_boxes, weight = (torch.from_numpy(each) for each in teacher)
+    device = predictions.score.device
+    teacher_score, teacher_boxes, weight = (torch.from_numpy(each).to(device) for each in teacher)
     entropy = _cross_entropy(predictions.score, teacher_score).mean(dim=(1, 2))
     box_weight = teacher_score * (teacher_score > _MIN_TEACHER_SCORE) * weight[:, None, None]
     _, giou = iou_and_giou(predictions.boxes, teacher_boxes)

@@ -89,6 +89,12 @@ class WeightAverage:
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
         self._decay = decay
 
+    def on_cpu(self) -> AnyNetwork:
+        """The network on the CPU: itself, or a copy."""
+        if next(self.network.parameters()).is_cpu:
+            return self.network
+        return copy.deepcopy(self.network).cpu()
+
     @torch.no_grad()
     def update(self, network: AnyNetwork, step: int) -> None:
         """Include the weights after a step, counted from 0."""

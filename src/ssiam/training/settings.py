@@ -6,7 +6,7 @@ The tables [pairs] and [[sources]] are `ssiam.training.data.settings` and
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -18,6 +18,7 @@ from ssiam.training.data.settings import PairSettings
 
 __all__ = [
     "MASK_WEIGHTS",
+    "SHIPPED_NAME",
     "WEIGHTS",
     "HeldOut",
     "LossSettings",
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 WEIGHTS: Final = "weights.pth"  # in the folder of a run
+SHIPPED_NAME: Final = "lite"  # of the shipped weights, in `begin`
 MASK_WEIGHTS: Final = "mask.pth"  # of the mask network, in the folder of the shipped weights
 
 # These may change when a run is resumed; a change of any other setting makes it another run.
@@ -85,7 +87,7 @@ class NetworkSettings:
         """File of the weights to start from; None for ImageNet weights."""
         if self.begin is None:
             return None
-        if self.begin == "lite":
+        if self.begin == SHIPPED_NAME:
             return SHIPPED / (MASK_WEIGHTS if self.kind == "mask" else WEIGHTS)
         return Path(self.begin)
 
@@ -252,6 +254,11 @@ class TrainSettings:
         Between checkpoints.
     log_every : int
         Steps between rows of metrics.
+    relative : bool
+        Whether paths are relative to the settings' file instead of the working directory.
+    precision : {"f32", "bf16"}
+        Arithmetic of the network in training; weights, losses and the optimizer are always float32.
+        bf16 is faster on GPUs and on CPUs that support it.
     pairs, network, optimiser, losses, teacher, validation
         The tables of these names.
 
@@ -269,6 +276,8 @@ class TrainSettings:
     threads: int = 1
     checkpoint_minutes: float = 5.0
     log_every: int = 50
+    relative: bool = False
+    precision: Literal["f32", "bf16"] = "f32"
     pairs: PairSettings = field(default_factory=PairSettings)
     network: NetworkSettings = field(default_factory=lambda: NetworkSettings(begin="lite"))
     optimiser: OptimizerSettings = field(default_factory=OptimizerSettings)
@@ -281,10 +290,45 @@ class TrainSettings:
             _require(getattr(self, name) >= 1, name, getattr(self, name), "1 or more")
         _require(self.workers >= 0, "workers", self.workers, "0 or more")
 
+    def located(self, root: Path | None) -> TrainSettings:
+        """The settings with all paths joined to a folder, their base; None changes nothing."""
+        if root is None:
+            return self
+        sources = tuple(
+            replace(
+                each,
+                path=_joined(root, each.path),
+                backgrounds=tuple(_joined(root, folder) for folder in each.backgrounds),
+            )
+            for each in self.sources
+        )
+        begin, weights = self.network.begin, self.network.weights
+        network = replace(
+            self.network,
+            begin=begin if begin in (None, SHIPPED_NAME) else _joined(root, begin),
+            weights=None if weights is None else _joined(root, weights),
+        )
+        teacher, validation = self.teacher, self.validation
+        if teacher is not None:
+            fear = None if teacher.fear is None else _joined(root, teacher.fear)
+            teacher = replace(teacher, weights=_joined(root, teacher.weights), fear=fear)
+        if validation is not None:
+            held_out = tuple(
+                replace(each, path=_joined(root, each.path)) for each in validation.held_out
+            )
+            validation = replace(validation, held_out=held_out)
+        return replace(
+            self, sources=sources, network=network, teacher=teacher, validation=validation
+        )
+
     def identity(self) -> dict[str, Any]:
         """The settings, as plain values, that must not change when the run is resumed."""
         values = asdict(self)
         return {name: values[name] for name in values if name not in _RESUMABLE}
+
+
+def _joined(root: Path, path: str) -> str:
+    return str(root / path)
 
 
 def _require(holds: bool, name: str, value: float, expected: str) -> None:

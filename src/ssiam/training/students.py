@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import TypeAlias
 
 import numpy as np
@@ -17,6 +19,7 @@ from ssiam.networks.box_mask import BoxMaskNetwork
 from ssiam.networks.lite import LiteNetwork, LiteResponses
 from ssiam.networks.pretrained import load_imagenet, load_lite, load_run_weights
 from ssiam.training.data.batches import AnyBatch, Batch, MaskBatch
+from ssiam.training.depthwise import FastDepthwiseGradients
 from ssiam.training.losses import (
     distillation_losses,
     lite_losses,
@@ -69,6 +72,23 @@ class Student(nn.Module, ABC):
 
     network: AnyNetwork
 
+    def __init__(self, settings: TrainSettings) -> None:
+        super().__init__()
+        self._settings = settings
+
+    @property
+    def device(self) -> torch.device:
+        """The device of the network."""
+        return next(self.network.parameters()).device
+
+    @contextmanager
+    def arithmetic(self) -> Iterator[None]:
+        """A context for the forward pass: the precision of the settings, and faster gradients."""
+        mixed = self._settings.precision == "bf16"
+        autocast = torch.autocast(self.device.type, torch.bfloat16) if mixed else nullcontext()
+        with FastDepthwiseGradients(), autocast:
+            yield
+
     @abstractmethod
     def losses(self, batch: AnyBatch, step: int) -> dict[str, Tensor]:
         """The weighted losses of a batch by name; only what `step` trains has gradients.
@@ -89,8 +109,7 @@ class Student(nn.Module, ABC):
 class LiteStudent(Student):
     """The network of `lite` in training.
 
-    The backbone is frozen up to stride 8; its deeper part is trained from `frozen_steps` on. It
-    trains in float32: its depthwise convolutions are slower in bf16.
+    The backbone is frozen up to stride 8; its deeper part is trained from `frozen_steps` on.
 
     Parameters
     ----------
@@ -105,10 +124,9 @@ class LiteStudent(Student):
     network: LiteNetwork
 
     def __init__(self, settings: TrainSettings) -> None:
-        super().__init__()
+        super().__init__(settings)
         begin = settings.network.begin_path
         assert begin is not None, "checked by NetworkSettings"
-        self._settings = settings
         self.network = LiteNetwork(settings.network.attention)
         load_lite(self.network, begin)
         self.network.eval().requires_grad_(False)
@@ -117,8 +135,10 @@ class LiteStudent(Student):
         """See `Student.losses`."""
         assert isinstance(batch, Batch), "batches are of the network's kind"
         self._freeze(step)
-        predictions = predictions_of(self._responses(batch))
-        losses = lite_losses(predictions, pair_labels(batch), self._settings.losses)
+        with self.arithmetic():
+            responses = self._responses(batch)
+        predictions = predictions_of(LiteResponses(*(each.float() for each in responses)))
+        losses = lite_losses(predictions, pair_labels(batch, self.device), self._settings.losses)
         if batch.teacher is None or self._settings.teacher is None:
             return losses
         return losses | distillation_losses(batch.teacher, predictions, self._settings.teacher)
@@ -150,7 +170,7 @@ class LiteStudent(Student):
 
     @torch.no_grad()
     def _lower(self, crops: NDArray[np.uint8]) -> Tensor:
-        return self.network.backbone.lower(_pixels(crops))
+        return self.network.backbone.lower(_pixels(crops, self.device))
 
 
 class MaskStudent(Student):
@@ -171,9 +191,8 @@ class MaskStudent(Student):
     network: BoxMaskNetwork
 
     def __init__(self, settings: TrainSettings) -> None:
-        super().__init__()
+        super().__init__(settings)
         begin = settings.network.begin_path
-        self._backbone_factor = settings.optimiser.backbone
         self.network = BoxMaskNetwork()
         if begin is None:
             load_imagenet(self.network.backbone, settings.network.weights_path)
@@ -185,17 +204,20 @@ class MaskStudent(Student):
         assert isinstance(batch, MaskBatch), "batches are of the network's kind"
         self.network.train()
         self.network.backbone.eval()
-        logits = self.network(_pixels(batch.crop))[:, 0]
-        return mask_losses(logits.float(), torch.from_numpy(batch.mask).float() / 255)
+        with self.arithmetic():
+            logits = self.network(_pixels(batch.crop, self.device))[:, 0]
+        mask = torch.from_numpy(batch.mask).to(self.device)
+        return mask_losses(logits.float(), mask.float() / 255)
 
     def parameter_groups(self) -> list[ParameterGroup]:
         """See `Student.parameter_groups`."""
         backbone = list(self.network.backbone.parameters())
         in_backbone = {id(each) for each in backbone}
         others = [each for each in self.network.parameters() if id(each) not in in_backbone]
-        return [(backbone, self._backbone_factor), (others, 1.0)]
+        return [(backbone, self._settings.optimiser.backbone), (others, 1.0)]
 
 
-def _pixels(crops: NDArray[np.uint8]) -> Tensor:
-    """Crops (N, 3, S, S) as float32 in 0..255, channels last."""
-    return torch.from_numpy(crops).float().contiguous(memory_format=torch.channels_last)
+def _pixels(crops: NDArray[np.uint8], device: torch.device) -> Tensor:
+    """Crops (N, 3, S, S) on a device as float32 in 0..255, channels last."""
+    pixels = torch.from_numpy(crops).to(device)
+    return pixels.float().contiguous(memory_format=torch.channels_last)

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.optim import AdamW
 
 from ssiam.errors import WeightsError
+from ssiam.networks.runners import TorchDevice, check_device
 from ssiam.outputs import make_folder
 from ssiam.training.checkpoints import (
     read_checkpoint,
@@ -30,7 +31,7 @@ from ssiam.training.optimizer import (
     keep_freed_memory,
     set_learning_rate,
 )
-from ssiam.training.settings import TrainSettings
+from ssiam.training.settings import TrainSettings, ValidationSettings
 from ssiam.training.students import build_student
 from ssiam.training.teachers import DistillationSampler
 from ssiam.training.validation import validate
@@ -57,6 +58,8 @@ class Trainer:
     settings : TrainSettings
     state : dict, optional
         The result of `state`, to resume from.
+    device : str
+        PyTorch's device of the network, its average, the optimizer, the batches and the losses.
 
     Attributes
     ----------
@@ -71,13 +74,15 @@ class Trainer:
         network.
     """
 
-    def __init__(self, settings: TrainSettings, state: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self, settings: TrainSettings, state: dict[str, Any] | None = None, device: str = "cpu"
+    ) -> None:
         torch.set_num_threads(settings.threads)
         torch.manual_seed(settings.seed)
         self._settings = settings
         self._student = build_student(settings)
         # Its overloads differ between versions of PyTorch.
-        cast(Any, self._student).to(memory_format=torch.channels_last)
+        cast(Any, self._student).to(device, memory_format=torch.channels_last)
         self.average = WeightAverage(self._student.network, settings.optimiser.average)
         self._optimizer = build_optimizer(self._student, settings.optimiser)
         self.step = 0
@@ -98,14 +103,15 @@ class Trainer:
         return {name: loss.detach() for name, loss in losses.items()}
 
     def state(self) -> dict[str, Any]:
-        """Everything that changes from step to step."""
-        return {
+        """Everything that changes from step to step, on the CPU; any device can resume from it."""
+        state = {
             "step": self.step,
             "student": self._student.state_dict(),
             "average": self.average.network.state_dict(),
             "optimiser": self._optimizer.state_dict(),
             "random": torch.get_rng_state(),
         }
+        return cast(dict[str, Any], _on_cpu(state))
 
     def _load(self, state: dict[str, Any]) -> None:
         try:
@@ -118,6 +124,15 @@ class Trainer:
             raise WeightsError(
                 "the checkpoint is of another network: train from the start in another folder"
             ) from error
+
+
+def _on_cpu(state: Any) -> Any:
+    """A copy of nested containers with all tensors on the CPU, where they may be the same."""
+    if isinstance(state, Tensor):
+        return state.cpu()
+    if isinstance(state, dict):
+        return {key: _on_cpu(each) for key, each in state.items()}
+    return [_on_cpu(each) for each in state] if isinstance(state, list) else state
 
 
 def load_optimizer(optimizer: AdamW, state: Any) -> None:
@@ -156,8 +171,14 @@ def _checked_step(step: Any) -> int:
     return step
 
 
-def training_batches(settings: TrainSettings) -> Batches:
+def training_batches(settings: TrainSettings, root: Path | None = None) -> Batches:
     """Open the training data of a run.
+
+    Parameters
+    ----------
+    settings : TrainSettings
+    root : Path, optional
+        Base of the settings' relative paths; None for the working directory.
 
     Returns
     -------
@@ -171,6 +192,7 @@ def training_batches(settings: TrainSettings) -> Batches:
     ArgumentError
         No set has a weight above 0.
     """
+    settings = settings.located(root)
     sources = [open_training_source(each) for each in settings.sources]
     sampler: BatchSampler
     if settings.network.kind == "mask":
@@ -182,7 +204,14 @@ def training_batches(settings: TrainSettings) -> Batches:
     return partial(load_batches, sampler, size=settings.batch, workers=settings.workers)
 
 
-def train(settings: TrainSettings, batches: Batches, folder: Path, report: Report) -> None:
+def train(
+    settings: TrainSettings,
+    batches: Batches,
+    folder: Path,
+    report: Report,
+    device: TorchDevice = "cpu",
+    root: Path | None = None,
+) -> None:
     """Train to the last step and write the averaged network.
 
     A checkpoint is written every few minutes; the same call resumes from it.
@@ -197,6 +226,10 @@ def train(settings: TrainSettings, batches: Batches, folder: Path, report: Repor
         if it does not exist.
     report : callable
         Called with the step and the metrics, whenever metrics are written.
+    device : {"cpu", "cuda", "mps"}
+        Where the network is trained. It is validated on the CPU.
+    root : Path, optional
+        Base of the settings' relative paths; None for the working directory.
 
     Raises
     ------
@@ -205,17 +238,19 @@ def train(settings: TrainSettings, batches: Batches, folder: Path, report: Repor
     WeightsError
         The checkpoint or the initial weights are damaged.
     ArgumentError
-        The folder holds a run with other settings.
+        The folder holds a run with other settings, or the device is not available.
     """
+    check_device(device)
     make_folder(folder)
     state = read_checkpoint(folder, settings)
     keep_freed_memory()
-    trainer = Trainer(settings, state)
+    located = settings.located(root)
+    trainer = Trainer(located, state, device)
     with Metrics(folder, trainer.step) as metrics:
-        loop = _Loop(settings, trainer, folder, metrics, report)
+        loop = _Loop(settings, trainer, folder, metrics, report, located.validation)
         for batch in batches(range(trainer.step, settings.steps)):
             loop.step(batch)
-    write_network(trainer.average.network, folder)
+    write_network(trainer.average.on_cpu(), folder)
 
 
 class _Loop:
@@ -228,7 +263,9 @@ class _Loop:
         folder: Path,
         metrics: Metrics,
         report: Report,
+        validation: ValidationSettings | None,
     ) -> None:
+        self._validation = validation
         self._settings, self._trainer, self._folder = settings, trainer, folder
         self._metrics, self._report = metrics, report
         self._logged_at = self._saved_at = time.monotonic()
@@ -243,9 +280,9 @@ class _Loop:
         last = done == self._settings.steps
         if done % self._settings.log_every == 0 or last:
             self._log_losses()
-        validation = self._settings.validation
+        validation = self._validation
         if validation and (done % validation.every == 0 or last):
-            self._write(validate(self._trainer.average.network, validation))
+            self._write(validate(self._trainer.average.on_cpu(), validation))
         minutes = (time.monotonic() - self._saved_at) / 60
         if last or minutes > self._settings.checkpoint_minutes:
             write_checkpoint(self._folder, self._settings, self._trainer.state())

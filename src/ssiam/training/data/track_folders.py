@@ -7,7 +7,8 @@ video, with one crop region per frame. meta.json lists them::
      "crop_windows_x0y0x1y1_scale": [[439, 0, 833, 342, 1.0], [472, 0, 820, 298, 1.0]]}
 
 Objects of the same video and category are distractors of each other: their boxes are mapped into
-each other's images through the crop regions.
+each other's images through the crop regions. A meta.json with "distractors" has their boxes in the
+images instead, for each object a list with [x, y, w, h] or null for each image.
 """
 
 from __future__ import annotations
@@ -120,7 +121,11 @@ class TrackFolderSource:
         objects = _objects_by_kind(entries)
         for entry in entries:
             first = len(self._tracks)
-            self._tracks += _distractor_tracks(entry, objects[entry.kind], interpolate)
+            self._tracks += (
+                _distractor_tracks(entry, objects[entry.kind], interpolate)
+                if entry.distractors is None
+                else entry.distractors
+            )
             self._distractors.append(tuple(range(first, len(self._tracks))))
         self._owners = [i for i, own in enumerate(self._distractors) for _ in own]
 
@@ -165,6 +170,7 @@ class _Folder:
     kind: tuple[str, str]  # scene, category
     frames: tuple[int, ...]
     regions: tuple[_Region, ...]
+    distractors: list[SceneTrack] | None  # None if they are found through the regions
 
 
 @dataclass
@@ -226,13 +232,38 @@ def _read_folder(folder: Path, meta: dict[str, Any]) -> _Folder:
     video = _video_name(folder, meta)
     scene = _SCENES.get(video, video)
     scene_id = str(folder.parent.parent / scene)
+    distractors = None
+    if "distractors" in meta:
+        distractors = [
+            SceneTrack(folder, paths, own, scene_id)
+            for own in _given_boxes(meta["distractors"], len(paths), path)
+        ]
     return _Folder(
         SceneTrack(folder, paths, boxes, scene_id),
         (scene, video, str(meta.get("track_id"))),
         (scene, str(meta.get("category"))),
         tuple(frames),
         tuple(_region(value, path) for value in regions),
+        distractors,
     )
+
+
+def _given_boxes(value: Any, count: int, path: Path) -> list[tuple[XYWH | None, ...]]:
+    """The boxes of each distractor in `count` images."""
+    try:
+        tracks = [tuple(None if box is None else _given_box(box) for box in own) for own in value]
+    except (TypeError, ValueError, OverflowError):
+        raise DatasetError(f"{path}: its distractors are not lists of boxes") from None
+    if any(len(own) != count for own in tracks):
+        raise DatasetError(f"{path}: {count} images, but not as many boxes of a distractor")
+    return tracks
+
+
+def _given_box(value: Any) -> XYWH:
+    x, y, w, h = map(float, value)
+    if not (math.isfinite(x + y + w + h) and w > 0 and h > 0):
+        raise ValueError("no box")
+    return x, y, w, h
 
 
 def _list(meta: dict[str, Any], key: str, count: int, path: Path) -> list[Any]:

@@ -6,8 +6,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -25,6 +26,9 @@ __all__ = [
     "TrackList",
     "TrainingTrack",
 ]
+
+# Boxes of labels: of about 3000 videos of YouTube-VOS. A label image is decoded to find them.
+_CACHED_BOXES: Final = 1 << 17
 
 
 class TrainingTrack(Protocol):
@@ -264,8 +268,17 @@ class LabelTrack(_VideoTrack):
 
     def box(self, t: int) -> XYWH | None:
         """The bounding box of the label; None where it does not occur."""
-        return box_of_mask(self.mask(t))
+        return _box_of_label(self.labels[t], self.label)
 
     def mask(self, t: int) -> Mask:
         """The pixels with the label."""
-        return np.asarray(read_labels(self.labels[t]) == self.label)
+        return _mask_of_label(self.labels[t], self.label)
+
+
+def _mask_of_label(path: Path, label: int) -> Mask:
+    return np.asarray(read_labels(path) == label)
+
+
+@lru_cache(maxsize=_CACHED_BOXES)
+def _box_of_label(path: Path, label: int) -> XYWH | None:
+    return box_of_mask(_mask_of_label(path, label))
