@@ -58,6 +58,8 @@ class KeypointMotion:
     model : {"rigid", "similarity", "affine", "homography"}
     spread : bool
         Whether only the strongest point of each cell of a grid is used.
+    static : (H, W) uint8, optional
+        255 at pixels that are not used, else 0.
     """
 
     def __init__(
@@ -67,7 +69,10 @@ class KeypointMotion:
         fit: FitName,
         model: ModelName,
         spread: bool = True,
+        static: Image | None = None,
     ) -> None:
+        # The flow of a point compares all pixels of its window.
+        self._static = None if static is None else cv2.dilate(static, np.ones(_WINDOW, np.uint8))
         self._size_wh = size_wh
         self._generator = generator
         self._fit: FitName = fit
@@ -117,7 +122,7 @@ class KeypointMotion:
         scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
         small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
         outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))
-        if outside is None and len(boxes) == 0:
+        if outside is None and len(boxes) == 0 and self._static is None:
             return None
         if outside is None:
             mask = np.full(gray.shape, 255, dtype=np.uint8)
@@ -126,6 +131,8 @@ class KeypointMotion:
             mask = np.asarray(scene, dtype=np.uint8)
         for left, top, right, bottom in np.maximum(np.rint(boxes), 0).astype(int).tolist():
             mask[top:bottom, left:right] = 0
+        if self._static is not None:
+            mask[self._static > 0] = 0
         return mask
 
 
