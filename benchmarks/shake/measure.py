@@ -34,6 +34,7 @@ from ssiam.trackers import StabilizedTracker
 
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "
+MODELS = {f"predict, {model}": model for model in ("similarity", "homography", "mesh")}
 SETTINGS = (*METHODS, *(WITHOUT + part for part in PARTS), TRUE_MOTION)
 BURN_IN = 10  # frames from each start on that accuracy leaves out
 
@@ -80,17 +81,19 @@ class RecordingTracker:
         return track
 
 
-def run_all(out: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
-    """Execute runs and write each to its file; returns their number."""
+def run_all(out: Path, data: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
+    """Execute runs on the sequences of `data`, each into its file; returns their number."""
     cv2.setNumThreads(1)
     loaded: dict[tuple[str, str], StabilizedTracker] = {}
     previous = None
     for each in todo:
         if each.shaken != previous:
-            unshaken = sequences()[each.sequence]
+            unshaken = sequences(data)[each.sequence]
             sequence = shaken(unshaken, Shake(each.strength, _kind(each), each.seed))
             frames, previous = cached(sequence), each.shaken
-            motions = true_motions(out, unshaken, sequence.shaken_from_raw)
+            motions = None
+            if any(one.setting == TRUE_MOTION for one in todo):
+                motions = true_motions(out, unshaken, sequence.shaken_from_raw)
         key = each.tracker, each.setting
         loaded[key] = loaded.get(key) or load(*key)
         known = motions if each.setting == TRUE_MOTION else None
@@ -116,6 +119,8 @@ def load(tracker: str, setting: str) -> StabilizedTracker:
     if setting.startswith(WITHOUT):
         off: dict[str, Any] = {setting.removeprefix(WITHOUT): False}
         config = config.with_options(**off)
+    if setting in MODELS:
+        config = config.with_options(motion_model=MODELS[setting])
     return load_any(tracker, config)
 
 

@@ -348,7 +348,7 @@ class StabilizedTracker(NotPicklable):
         if config.stabilize == "off":
             return None
         camera = CameraMotion(
-            config.keypoints, config.fit, "rigid", config.spread, self._static_mask
+            config.keypoints, config.fit, config.motion_model, config.spread, self._static_mask
         )
         return PrefetchingCameraMotion(camera)
 
