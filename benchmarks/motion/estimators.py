@@ -35,15 +35,21 @@ Estimate: TypeAlias = Callable[[Array, Box], Result]
 
 
 def ssiam_camera(keypoints: str, *words: str) -> Estimate:
-    """`CameraMotion` with these keypoints; `words` may contain its model and its fit."""
+    """`CameraMotion` with these keypoints; `words` may contain its model and its fit.
+
+    With "luma" it gets the luma of limited range; its times contain that conversion.
+    """
     import ssiam
 
     options: dict[str, Any] = {
-        "fit" if word == "least_squares" else "model": word for word in words
+        "fit" if word == "least_squares" else "model": word for word in words if word != "luma"
     }
     camera = ssiam.CameraMotion(keypoints, **options)  # type: ignore[arg-type]
 
     def estimate(frame: Array, box: Box) -> Result:
+        if "luma" in words:
+            gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+            frame = np.rint(gray * (219 / 255) + 16).astype(np.uint8)
         motion = camera.update(frame, exclude=None if box is None else box.tolist())
         return motion.cur_from_prev, motion.reliable
 

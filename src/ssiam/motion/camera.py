@@ -125,7 +125,8 @@ class CameraMotion(DeepCopied):
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8 BGR
+        frame : (H, W, 3) uint8 BGR, or (H, W) uint8 gray
+            The luma plane of a decoder is such a gray frame, of limited range too.
         exclude : (x, y, w, h) or several of them, optional
             Boxes of moving objects, such as the target, in the previous frame; raw-frame pixels.
             Pixels inside are not used.
@@ -142,12 +143,13 @@ class CameraMotion(DeepCopied):
         Raises
         ------
         ArgumentError
-            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not valid, or the mask
-            has another size than the frame.
+            The frame is not (H, W, 3) or (H, W) uint8, `exclude` or `motion` is not valid, or the
+            mask has another size than the frame.
         FrameSizeError
             The frame has another size than the first one.
         """
-        size_wh, boxes = check_frame(frame, self._size_wh), _low_high_boxes(exclude)
+        size_wh = check_frame(frame, self._size_wh, may_be_gray=True)
+        boxes = _low_high_boxes(exclude)
         given = None if motion is None else as_motion(motion, size_wh)
         if self._content is None:
             self._mask = self._mask_for(size_wh)
@@ -282,7 +284,7 @@ class PrefetchingCameraMotion(NotPicklable):
             raise ArgumentError(
                 "another frame was started as the next one: call update with that frame first"
             )
-        given = None if motion is None else as_motion(motion, check_frame(frame))
+        given = None if motion is None else as_motion(motion, check_frame(frame, may_be_gray=True))
         self._started = None
         estimated = estimate.result()
         return given or estimated

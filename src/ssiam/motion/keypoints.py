@@ -15,6 +15,7 @@ from ssiam.motion.fit import FitName, fit_motion
 from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion
+from ssiam.motion.pyramid import as_gray
 
 GeneratorName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
 Keypoints: TypeAlias = NDArray[np.float32]
@@ -82,8 +83,8 @@ class KeypointMotion:
         self._prev_gray: Image | None = None
 
     def set_previous(self, frame: Image) -> None:
-        """Use a frame (H, W, 3) uint8 as the previous one."""
-        self._prev_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        """Use a frame, (H, W, 3) or (H, W) uint8, as the previous one."""
+        self._prev_gray = as_gray(frame)
 
     def estimate(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
         """The motion from the previous frame to this one, without the points in `boxes`.
@@ -92,7 +93,7 @@ class KeypointMotion:
         as in `DirectMotion`.
         """
         prev_gray = self._prev_gray
-        cur_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        cur_gray = as_gray(frame)
         if prev_gray is None:
             self._prev_gray = cur_gray
             return Motion.none(self._size_wh, reliable=True)

@@ -77,7 +77,7 @@ def propose_boxes(frames: Iterable[Image], static: Image | None = None) -> list[
     return [_scaled(span, factor) for span in chosen[:MOST]]
 
 
-def _aligned(frames: Iterable[Image], static: Image | None) -> list[Any]:
+def _aligned(frames: Iterable[Image], static: Image | None = None) -> list[Any]:
     """The first frame as it is, and every few frames a reduced one, aligned with the first.
 
     Pixels outside of a frame are NaN. `static` has the size of the reduced frames.
