@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.common.data import sequences
 from benchmarks.common.loading import load as load_any
 from benchmarks.shake.records import NO_SHAKE, ShakeRun
-from benchmarks.shake.report import TRUE_MOTION
+from benchmarks.shake.report import MODELS, TRUE_MOTION
 from ssiam.datasets import Shake, VideoSequence, shaken
 from ssiam.datasets.shake.path import SHAKE_KINDS, ShakeKind
 from ssiam.errors import check_choice
@@ -34,7 +34,6 @@ from ssiam.trackers import StabilizedTracker
 
 PARTS = ("choose", "speed", "turn", "trust", "find")
 WITHOUT = "predict without "
-MODELS = {f"predict, {model}": model for model in ("similarity", "homography", "mesh")}
 SETTINGS = (*METHODS, *(WITHOUT + part for part in PARTS), TRUE_MOTION)
 BURN_IN = 10  # frames from each start on that accuracy leaves out
 

@@ -31,10 +31,10 @@ from ssiam.datasets.shake.path import SHAKE_KINDS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import SEQUENCES, sequences
-from benchmarks.shake.measure import MODELS, SETTINGS, run_all
+from benchmarks.shake.measure import SETTINGS, run_all
 from benchmarks.shake.plot import draw
 from benchmarks.shake.records import NO_SHAKE, ShakeRun, read_runs
-from benchmarks.shake.report import MAIN, report
+from benchmarks.shake.report import MAIN, MODELS, report
 
 TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt", "fear_xs")
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)
