@@ -20,12 +20,12 @@ from ssiam.motion.keypoints import GeneratorName, KeypointGenerator, KeypointMot
 from ssiam.motion.models import CameraModelName, ModelName
 from ssiam.motion.motion import Motion, as_motion
 
-KeypointName: TypeAlias = Literal["direct"] | GeneratorName
+KeypointName: TypeAlias = Literal["direct", GeneratorName]
 MaskOf: TypeAlias = Callable[[tuple[int, int]], ArrayLike | None]
 """The static mask of frames of (width, height) pixels, or None without static pixels."""
 
-MODELS: tuple[CameraModelName, ...] = (*get_args(ModelName), "mesh")
-KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
+MODELS: tuple[CameraModelName, ...] = get_args(CameraModelName)
+KEYPOINTS: tuple[KeypointName, ...] = get_args(KeypointName)
 
 _MARGIN: Final = 0.10  # share of a box's size added on each side: its edges move with the target
 _LOW_HIGH_FROM_XYWH: Final = np.block(  # x, y, w, h to low xy, high xy of the enlarged box
