@@ -25,7 +25,7 @@ def camera_motions(sequence: VideoSequence, config: StabilizerConfig) -> Iterato
     SourceError
         A frame cannot be read.
     """
-    camera = CameraMotion(config.keypoints, config.fit, config.motion_model, config.spread)
+    camera = CameraMotion(config.keypoints, config.fit, model="rigid", spread=config.spread)
     for index, image in enumerate(sequence.images()):
         yield camera.update(image, exclude=_target(sequence, index - 1))
 
