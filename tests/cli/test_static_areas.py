@@ -116,6 +116,7 @@ REFUSALS = [
     pytest.param("hood.png", "'hood.png' is not an area", id="file without @"),
     pytest.param("1,2,0,9", "'1,2,0,9' is empty", id="zero width"),
     pytest.param("1,2,nan,9", "'1,2,nan,9' is empty or not finite", id="nan"),
+    pytest.param("1e308,2,1e308,9", "is empty or not finite", id="endless"),
     pytest.param("640,0,9,9", "640,0,9,9 is outside of the frame of 640x360 pixels", id="outside"),
     pytest.param("-9,0,9,9", "-9,0,9,9 is outside", id="outside on the left"),
     pytest.param("0,0,1e300,9e300", "covers the whole frame", id="whole frame"),

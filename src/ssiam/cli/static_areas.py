@@ -115,7 +115,7 @@ def _parse_box(text: str) -> XYWH:
         x, y, w, h = (float(number) for number in text.split(","))
     except ValueError:
         raise ArgumentError(f"--static-area {text[:80]!r} is not an area: {_FORMS}") from None
-    if not all(map(math.isfinite, (x, y, w, h))) or w <= 0 or h <= 0:
+    if not all(map(math.isfinite, (x, y, x + w, y + h))) or w <= 0 or h <= 0:
         raise ArgumentError(f"--static-area {text[:80]!r} is empty or not finite: {_FORMS}")
     return x, y, w, h
 
