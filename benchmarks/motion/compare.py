@@ -11,9 +11,9 @@ width.
 
 Every estimator runs in a separate process on one thread, the peers in virtual environments that are
 created with pip on the first run. All estimators run on a clip in turn, so that changes of the
-machine's speed affect all of them. Times are medians over the frames of a clip, with color
-conversion and resizing. Estimators with a mask receive the target's box in the previous frame.
-Needs the folder of test data (see benchmarks/common/data.py).
+machine's speed affect all of them. Times are process times, medians over the frames of a clip,
+with color conversion and resizing. Estimators with a mask receive the target's box in the previous
+frame. Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.common.data import sequences
 from benchmarks.common.loading import load as load_any
 from benchmarks.shake.records import NO_SHAKE, ShakeRun
-from benchmarks.shake.report import TRUE_MOTION
+from benchmarks.shake.report import MODELS, TRUE_MOTION
 from ssiam.datasets import Shake, VideoSequence, shaken
 from ssiam.datasets.shake.path import SHAKE_KINDS, ShakeKind
 from ssiam.errors import check_choice
@@ -80,17 +80,19 @@ class RecordingTracker:
         return track
 
 
-def run_all(out: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
-    """Execute runs and write each to its file; returns their number."""
+def run_all(out: Path, data: Path, one_pass: bool, todo: list[ShakeRun]) -> int:
+    """Execute runs on the sequences of `data`, each into its file; returns their number."""
     cv2.setNumThreads(1)
     loaded: dict[tuple[str, str], StabilizedTracker] = {}
     previous = None
     for each in todo:
         if each.shaken != previous:
-            unshaken = sequences()[each.sequence]
+            unshaken = sequences(data)[each.sequence]
             sequence = shaken(unshaken, Shake(each.strength, _kind(each), each.seed))
             frames, previous = cached(sequence), each.shaken
-            motions = true_motions(out, unshaken, sequence.shaken_from_raw)
+            motions = None
+            if any(one.setting == TRUE_MOTION for one in todo):
+                motions = true_motions(out, unshaken, sequence.shaken_from_raw)
         key = each.tracker, each.setting
         loaded[key] = loaded.get(key) or load(*key)
         known = motions if each.setting == TRUE_MOTION else None
@@ -116,6 +118,8 @@ def load(tracker: str, setting: str) -> StabilizedTracker:
     if setting.startswith(WITHOUT):
         off: dict[str, Any] = {setting.removeprefix(WITHOUT): False}
         config = config.with_options(**off)
+    if setting in MODELS:
+        config = config.with_options(motion_model=MODELS[setting])
     return load_any(tracker, config)
 
 

@@ -11,6 +11,7 @@ from ssiam.datasets.shake.path import SHAKE_KINDS
 from ssiam.evaluation.measures.compare import paired_difference
 
 TRUE_MOTION = "predict, true motion"
+MODELS = {f"predict, {model}": model for model in ("similarity", "homography", "mesh")}
 MAIN = ("off", "paper", "literal", "predict", TRUE_MOTION)
 KINDS = ("white", "handheld")  # summed in the first table and in the plot
 
@@ -27,6 +28,8 @@ def report(runs: Runs, ablate: str) -> str:
         f"Lost targets of {ablate} by kind of shake, all strengths summed:",
         table(kind_rows([run for run in runs if run.tracker == ablate])),
     ]
+    if any(run.setting in MODELS for run in runs):
+        parts += ["Models of the camera motion against predict's:", table(model_rows(runs))]
     return "\n\n".join(parts)
 
 
@@ -126,6 +129,28 @@ def paired_rows(runs: Runs) -> Iterator[Sequence[object]]:
                 if other in group and "predict" in group:
                     cells = differences(group["predict"], group[other])
                     yield (tracker, f"{100 * strength:g} %", f"predict - {other}", *cells)
+
+
+def model_rows(runs: Runs) -> Iterator[Sequence[object]]:
+    """Lost targets, success and time of predict with other models of the camera motion."""
+    yield ("tracker", "shake", "model", "lost", "success", "lost, difference", "success", "time")
+    names = ("predict", *MODELS)
+    for tracker, own in by(comparable(runs, names), lambda run: run.tracker).items():
+        for strength in sorted({run.strength for run in own}):
+            group = by([run for run in own if run.strength == strength], lambda run: run.setting)
+            base = group["predict"]
+            for setting in ordered(group):
+                here = group[setting]
+                head = (
+                    tracker,
+                    f"{100 * strength:g} %",
+                    setting,
+                    lost(here),
+                    f"{_success(here):.3f}",
+                )
+                time = sum(run.seconds for run in here) / sum(run.seconds for run in base)
+                cells = ("-", "-") if here is base else differences(here, base)[:2]
+                yield (*head, *cells, f"{time:.2f}")
 
 
 def differences(runs: Runs, others: Runs) -> list[object]:

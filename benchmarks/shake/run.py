@@ -12,7 +12,9 @@ and does not repeat finished runs; remove the folder when the code changes. The 
 in the folder (benchmarks/shake/report.py) are printed at the end, or immediately with --report.
 "predict, true motion" receives the camera motion: the shake combined with the estimate on the
 unshaken frames with the true box excluded. "predict without find" and the like disable one part of
-predict. Needs the folder of test data (see benchmarks/common/data.py).
+predict; "predict, homography" and the like have another model of the camera motion, and are not
+part of "all". --data reads the sequences of another folder. Needs the folder of test data (see
+benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -28,11 +30,11 @@ import joblib
 from ssiam.datasets.shake.path import SHAKE_KINDS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from benchmarks.common.data import sequences
+from benchmarks.common.data import SEQUENCES, sequences
 from benchmarks.shake.measure import SETTINGS, run_all
 from benchmarks.shake.plot import draw
 from benchmarks.shake.records import NO_SHAKE, ShakeRun, read_runs
-from benchmarks.shake.report import MAIN, report
+from benchmarks.shake.report import MAIN, MODELS, report
 
 TRACKERS = ("lite", "nanotrack_v1", "nanotrack_v2", "nanotrack_v3", "kcf", "csrt", "fear_xs")
 STRENGTHS = (0.0, 0.01, 0.03, 0.05)
@@ -66,10 +68,11 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--trackers", nargs="+", default=["nanotrack_v3"], choices=TRACKERS)
-    parser.add_argument("--settings", nargs="+", default=MAIN, choices=(*SETTINGS, "all"))
+    parser.add_argument("--settings", nargs="+", default=MAIN, choices=(*SETTINGS, *MODELS, "all"))
     parser.add_argument("--kinds", nargs="+", default=SHAKE_KINDS, choices=SHAKE_KINDS)
     parser.add_argument("--strengths", nargs="+", type=float, default=STRENGTHS)
     parser.add_argument("--seeds", type=int, default=3, help="number of paths of each shake")
+    parser.add_argument("--data", type=Path, default=SEQUENCES, help="folder of the sequences")
     parser.add_argument("--sequences", nargs="+", help="default: all")
     parser.add_argument("--one-pass", action="store_true", help="with one-pass runs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
@@ -86,10 +89,13 @@ def main() -> None:
     """Execute the missing runs and print the tables."""
     chosen = arguments()
     if not chosen.report:
-        chosen.sequences = chosen.sequences or list(sequences())
+        chosen.sequences = chosen.sequences or list(sequences(chosen.data))
         groups = missing_runs(chosen)
         count, finished = sum(map(len, groups)), 0
-        calls = (joblib.delayed(run_all)(chosen.out, chosen.one_pass, group) for group in groups)
+        calls = (
+            joblib.delayed(run_all)(chosen.out, chosen.data, chosen.one_pass, group)
+            for group in groups
+        )
         parallel = joblib.Parallel(n_jobs=chosen.jobs, return_as="generator_unordered")
         for number in parallel(calls):
             finished += number

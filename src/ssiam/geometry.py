@@ -241,7 +241,9 @@ def finite_array(values: Any) -> NDArray[np.float64] | None:
     return array if np.isfinite(array).all() else None
 
 
-def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[int, int]:
+def check_frame(
+    frame: Image, size_wh: tuple[int, int] | None = None, *, may_be_gray: bool = False
+) -> tuple[int, int]:
     """Check a frame.
 
     Parameters
@@ -249,6 +251,8 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     frame : (H, W, 3) uint8 BGR
     size_wh : (int, int), optional
         Width and height of the previous frames, pixels.
+    may_be_gray : bool
+        Whether (H, W) is accepted too.
 
     Returns
     -------
@@ -258,16 +262,18 @@ def check_frame(frame: Image, size_wh: tuple[int, int] | None = None) -> tuple[i
     Raises
     ------
     ArgumentError
-        The frame is not a non-empty (H, W, 3) uint8 array.
+        The frame is not a non-empty (H, W, 3) uint8 array, or (H, W) if it may be.
     FrameSizeError
         The size of the frame is not `size_wh`.
     """
-    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3:
-        is_array = isinstance(frame, np.ndarray)
+    is_array = isinstance(frame, np.ndarray)
+    is_gray = may_be_gray and is_array and frame.ndim == 2
+    if not is_array or frame.dtype != np.uint8 or not (frame.ndim == 3 or is_gray):
         actual = f"{frame.shape} {frame.dtype}" if is_array else type(frame).__name__
-        raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR array, not {actual}")
-    height, width, channels = frame.shape
-    if channels != 3 or frame.size == 0:
+        gray = " or a (height, width) uint8 gray" if may_be_gray else ""
+        raise ArgumentError(f"a frame is a (height, width, 3) uint8 BGR{gray} array, not {actual}")
+    height, width = frame.shape[:2]
+    if not (is_gray or frame.shape[2] == 3) or frame.size == 0:
         raise ArgumentError(
             f"a frame has 3 channels and at least one pixel, not the shape {frame.shape}"
         )

@@ -75,6 +75,17 @@ NANO = ("--tracker", "nanotrack_v2")
         pytest.param((*CLIP_BOX, "--plot", "missing/p.png"), "missing", id="no plot folder"),
         pytest.param((*CLIP_BOX, "--layout", "x", "--results", "r.txt"), "'x'", id="layout"),
         pytest.param((*CLIP_BOX, "--stabilize", "magic"), "paper", id="unknown stabilization"),
+        pytest.param(
+            (*CLIP_BOX, "--keypoints", "magic"), 'Choose from: "direct", "orb"', id="keypoints"
+        ),
+        pytest.param(
+            (*CLIP_BOX, "--motion-model", "magic"), 'from: "rigid", "similarity"', id="model"
+        ),
+        pytest.param(
+            (*CLIP_BOX, "--stabilize", "paper", "--motion-model", "mesh"),
+            """motion_model "mesh" is given with keypoints 'orb'""",
+            id="mesh of keypoints",
+        ),
         pytest.param((*CLIP_BOX, "--window", "0"), "window", id="limit out of range"),
         pytest.param((*CLIP_BOX, "--windw", "9"), "--windw", id="unknown option"),
         pytest.param(("-", "--box", "1,2,3,4", "--raw", "7"), "'7'", id="raw format"),

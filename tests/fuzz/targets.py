@@ -24,6 +24,7 @@ from helpers.written_results import FPS, ROW, SIZE, csv_of
 from ssiam.addresses import display_name, redact_words
 from ssiam.cli.boxes import parse_boxes
 from ssiam.cli.moments import parse_moment
+from ssiam.cli.static_areas import StaticAreas
 from ssiam.datasets import open_dataset
 from ssiam.evaluation.runs.entries import entries
 from ssiam.evaluation.runs.identity import read_identity
@@ -249,10 +250,19 @@ def _video(suffix: str, codec: str) -> bytes:
 
 
 def _text_targets(folder: Path) -> Iterable[Target]:
+    def area_mask(text: str) -> object:
+        return StaticAreas.parse([text]).mask((32, 24))
+
     boxes = b"frame,x,y,w,h\n0,1,2,3,4\n12,5,6,7,8\n"
     yield Target("boxes.csv", (boxes,), in_file(folder / "b.csv", lambda p: parse_boxes([f"@{p}"])))
     words = (b"10,20,30,40", b"300:1,2,3,4", b"0:12:1,2,3,4", b"12s:1,2,3,4")
     yield Target("box", words, text(lambda text: parse_boxes([text.replace("@", "")])))
+    areas = (b"1,2,3,4", b"-5,-5.5,1e3,9", b"0,0,32,12")
+    yield Target("static area", areas, text(lambda text: area_mask(text.replace("@", ""))))
+    area = cv2.imencode(".png", _IMAGE)[1].tobytes()
+    yield Target(
+        "static area.png", (area,), in_file(folder / "s.png", lambda p: area_mask(f"@{p}"))
+    )
     yield Target("moment", (b"300", b"12.5s", b"1:02:03.5"), text(parse_moment))
     addresses = (b"rtsp://user:pass@host:554/a?b=c#d", b"http://[::1]:80/x", b"file:///a%20b")
 

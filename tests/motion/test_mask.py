@@ -3,22 +3,12 @@
 import numpy as np
 import pytest
 
-from helpers.synthetic import camera_frame, generator, poses, world
+import ssiam
+from helpers.own_vehicle import HOOD, frames
 from ssiam import CameraMotion
 from ssiam.errors import ArgumentError
 
-SIZE = (640, 360)
-SCENE = world(3, SIZE)
-HOOD = np.zeros((360, 640), bool)
-HOOD[150:, 40:600] = True
-
-
-def frames(count=3):
-    """A strongly textured hood covers half of the frame, over a pale scene that moves by 9 px."""
-    hood = np.kron(generator(2).integers(0, 256, (45, 80, 3)), np.ones((8, 8, 1))).astype(np.uint8)
-    moved = poses([(9.0 * index, 0, 0) for index in range(count)], SIZE)
-    pale = [camera_frame(SCENE, pose) // 4 + 90 for pose in moved]
-    return [np.where(HOOD[..., None], hood, frame).astype(np.uint8) for frame in pale]
+BOX = (280.0, 60.0, 40.0, 40.0)
 
 
 def shift(camera, clip):
@@ -70,6 +60,46 @@ def test_a_mask_of_another_size_is_refused_before_anything_changes():
     assert shift(camera, frames()) == pytest.approx(9, abs=0.3)
 
 
-def test_keypoints_take_no_mask():
-    with pytest.raises(ArgumentError, match="mask is given with keypoints 'orb'"):
-        CameraMotion("orb", mask=HOOD)
+@pytest.mark.parametrize("keypoints", ["gftt", "harris"])
+def test_keypoints_in_the_mask_are_not_used(keypoints):
+    clip = frames()
+    assert shift(CameraMotion(keypoints), clip) != pytest.approx(9, abs=1)
+    assert shift(CameraMotion(keypoints, mask=HOOD), clip) == pytest.approx(9, abs=0.3)
+
+
+def test_a_function_makes_the_mask_of_the_frames_size():
+    sizes = []
+
+    def mask_of(size_wh):
+        sizes.append(size_wh)
+        return HOOD
+
+    assert shift(CameraMotion(mask=mask_of), frames()) == pytest.approx(9, abs=0.3)
+    assert sizes == [(640, 360)]
+    assert shift(CameraMotion(mask=lambda _: None), frames()) != pytest.approx(9, abs=1)
+
+
+def test_what_a_function_makes_is_checked():
+    with pytest.raises(ArgumentError, match="the mask has 320x180 pixels"):
+        CameraMotion(mask=lambda _: HOOD[::2, ::2]).update(frames()[0])
+    with pytest.raises(ArgumentError, match="mask is 'hood'"):
+        CameraMotion(mask=lambda _: "hood").update(frames()[0])
+
+
+def test_a_tracker_and_its_clones_leave_the_mask_out():
+    clip = frames()
+    tracker = ssiam.load_tracker("kcf", static_mask=HOOD)
+    group = ssiam.TrackerGroup(tracker)
+    for each in (tracker, tracker.clone()):
+        each.init(clip[0], BOX)
+        assert each.update(clip[1]).motion.shift_angle[0] == pytest.approx(9, abs=0.3)
+        each.switch(ssiam.StabilizerConfig("paper", keypoints="gftt"), clip[1])
+        assert each.update(clip[2]).motion.shift_angle[0] == pytest.approx(-9, abs=0.3)
+    group.init(clip[0], [BOX])
+    group.update(clip[1])
+    assert group.motion.shift_angle[0] == pytest.approx(9, abs=0.3)
+
+
+def test_a_tracker_refuses_what_is_no_mask():
+    with pytest.raises(ArgumentError, match="mask is 'hood'"):
+        ssiam.load_tracker("kcf", static_mask="hood")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import ssiam
 from helpers.synthetic import camera_frame, generator, world
 from ssiam import ArgumentError, CameraMotion, Motion
 from ssiam.geometry import map_point, rigid
@@ -94,6 +95,15 @@ def test_the_prediction_uses_the_motion_at_the_target():
     motion = Motion(rigid(3, 0, 0), 1.0, True, SIZE, mesh)
     predictor = TargetPredictor(PredictConfig(), (300.0, 340.0, 40.0, 40.0))
     assert predictor.update(motion)[0] == pytest.approx(312)
+    assert motion.map_box((300.0, 340.0, 40.0, 40.0)) == pytest.approx((312, 340, 40, 40))
+
+
+def test_a_tracker_estimates_the_mesh_of_its_config():
+    tracker = ssiam.load_tracker("kcf", stabilize=ssiam.StabilizerConfig(motion_model="mesh"))
+    tracker.init(frame(0), (300, 40, 40, 40))
+    assert tracker.update(frame(1)).motion.mesh is not None
+    tracker.switch(ssiam.StabilizerConfig(), frame(1))
+    assert tracker.update(frame(2)).motion.mesh is None
 
 
 def test_a_mesh_needs_direct_alignment():

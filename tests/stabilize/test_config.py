@@ -38,6 +38,11 @@ def test_invalid_options_are_named(values, message):
     ("values", "message"),
     [
         ({"stabilize": "magic"}, "unknown stabilize 'magic'"),
+        ({"motion_model": "spline"}, "unknown motion_model 'spline'"),
+        (
+            {"stabilize": "paper", "motion_model": "mesh"},
+            """motion_model "mesh" is given with keypoints 'orb': use "direct\"""",
+        ),
         ({"paper": 3}, "paper is 3: it must be a PaperConfig"),
         ({"predict": PaperConfig()}, "predict is PaperConfig.*it must be a PredictConfig"),
     ],
@@ -49,7 +54,7 @@ def test_invalid_arguments_are_named(values, message):
 
 def test_options_are_the_flat_settings_in_the_order_of_labels():
     assert list(StabilizerConfig().options()) == [
-        *("keypoints", "fit", "spread"),
+        *("keypoints", "fit", "spread", "motion_model"),
         *("window", "gate", "border", "thx1", "thy1", "thx2", "thy2", "tha"),
         *("judge", "shake", "limits", "tha_limits", "tha_unit"),
         *("choose", "speed", "turn", "trust", "prefer", "find"),
@@ -80,7 +85,9 @@ def test_the_defaults_are_the_papers_or_measured_ones():
     assert PaperConfig() == paper
     assert PredictConfig() == PredictConfig(True, True, True, True, True, True, 0.8, 0.5, 0.1)
     config = StabilizerConfig()
-    assert config == StabilizerConfig("predict", "direct", "robust", True, paper, PredictConfig())
+    assert config == StabilizerConfig(
+        "predict", "direct", "robust", True, paper, PredictConfig(), "rigid"
+    )
 
 
 @pytest.mark.parametrize(

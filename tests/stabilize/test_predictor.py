@@ -382,3 +382,28 @@ def test_unreliable_motions_leave_errors_and_speed():
     predictor.observe(by(50, box=box), 1.0)
     np.testing.assert_array_equal(predictor._errors, errors)
     np.testing.assert_array_equal(predictor._speeds, speeds)
+
+
+# A ground that tilts: far from the origin it turns otherwise than there.
+TILT = Motion(np.array([[1.01, 0.02, 3.0], [-0.01, 0.99, -2.0], [1e-4, -2e-4, 1.0]]), 1, True, SIZE)
+
+
+def test_the_view_turns_as_the_background_at_the_target_does():
+    predictor = TargetPredictor(replace(CONFIG, choose=False), BOX)
+    predictor.update(TILT)
+    x, y, w, h = BOX
+    turned = rigid_parameters(TILT.cur_from_prev, (x + w / 2, y + h / 2))[2]
+    angle = rigid_parameters(predictor.stab_from_raw, (0, 0))[2]
+    assert angle == pytest.approx(-0.95 * turned)
+    assert abs(turned - rigid_parameters(TILT.cur_from_prev, (0, 0))[2]) > 0.01
+
+
+def test_a_view_that_is_held_over_a_tilting_ground_is_rigid():
+    predictor = TargetPredictor(CONFIG, BOX)
+    predictor.update(TILT)
+    held = predictor.hold()
+    view = predictor.stab_from_raw
+    np.testing.assert_allclose(view[:2, :2] @ view[:2, :2].T, np.eye(2), atol=1e-12)
+    np.testing.assert_array_equal(view[2], [0, 0, 1])
+    np.testing.assert_allclose(center(map_box(view, held)), center(BOX), atol=1e-9)
+    assert held == pytest.approx(TILT.map_box(BOX)[:2] + BOX[2:], abs=2)

@@ -259,7 +259,8 @@ def test_camera_motion(frames, keypoints):
     for motion in BAD_MOTIONS:
         refused(first.update, frames[5], motion=motion.values[0])
     for frame in BAD_FRAMES:
-        refused(first.update, frame.values[0])
+        if np.ndim(frame.values[0]) != 2:  # gray
+            refused(first.update, frame.values[0])
     refused(first.update, small, error=FrameSizeError)
     for frame in frames[1:4]:
         np.testing.assert_array_equal(

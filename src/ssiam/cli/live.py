@@ -29,6 +29,7 @@ from ssiam.cli.options import (
     report_leftover_parts,
     report_uncalibrated,
 )
+from ssiam.cli.static_areas import StaticAreaOption, StaticAreas, static_area_files
 from ssiam.errors import ArgumentError, IncompleteError
 from ssiam.outputs import NamedPath, check_output, leftover_parts
 from ssiam.video.results import STDOUT, result_paths
@@ -77,6 +78,7 @@ def live(
     mavlink: Annotated[str | None, Parameter(group=_INTERFACES_GROUP)] = None,
     rerun: Annotated[Path | None, Parameter(group=_INTERFACES_GROUP)] = None,
     tracker_options: TrackerOptions = DEFAULT_TRACKER_OPTIONS,
+    static_area: StaticAreaOption = None,
     config: StabilizationOptions = DEFAULT_STABILIZATION,
 ) -> None:
     """Show a source in the browser; draw targets with the mouse to track them.
@@ -128,13 +130,19 @@ def live(
         udpout:127.0.0.1:14550, for example.
     rerun
         File for the Rerun viewer, .rrd, to which frames, boxes and camera motion are logged.
+    static_area
+        What moves with the camera, such as the own vehicle, a display or a logo, and is left out of
+        the camera motion: x,y,width,height in pixels, or @FILE with an image of the frames' size
+        that is not black there. Repeat for further areas.
     """
     outputs = _Outputs(recordings, out, results, rerun, overwrite)
     targets = parse_boxes(box or [])
     if headless:
         _check_headless(source, targets, outputs, mavlink)
-    outputs.check(source, [*tracker_options.weight_files(), *box_files(box or [])], quiet=quiet)
-    tracker = tracker_options.load(config)
+    areas = StaticAreas.parse(static_area)
+    files = [*box_files(box or []), *static_area_files(static_area)]
+    outputs.check(source, [*tracker_options.weight_files(), *files], quiet=quiet)
+    tracker = tracker_options.load(config, areas.mask)
     if not (quiet or tracker.score_is_calibrated):
         report_uncalibrated(tracker_options.tracker)
 
@@ -162,6 +170,7 @@ def live(
             else open_session()
         )
         stack.push(partial(_exit_if_stuck, session))
+        _check_areas(session, areas)
         written = _opened(stack, session, out, results, overwrite=overwrite)
         stack.callback(session.close)
         session.listen_notes(show)
@@ -193,6 +202,18 @@ def live(
         raise written.error
     if session.health.state == "failed":
         raise IncompleteError(session.health.message)
+
+
+def _check_areas(session: Session, areas: StaticAreas) -> None:
+    """Raise `ArgumentError` for areas that do not fit the frames, if their size is known yet."""
+    size_wh = session.info.size_wh
+    if size_wh is None:
+        return
+    try:
+        areas.check(size_wh)
+    except ArgumentError:
+        session.close()
+        raise
 
 
 def _server(session: Session, host: str, port: int, *, needs_token: bool) -> LiveServer:

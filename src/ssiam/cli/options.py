@@ -15,6 +15,7 @@ from cyclopts import Group, Parameter
 
 from ssiam.datasets import SHAKE_KINDS, Shake, ShakeBorder
 from ssiam.errors import ArgumentError, check_choice
+from ssiam.motion import MaskOf
 from ssiam.outputs import NamedPath, check_distinct
 from ssiam.runtime import DeviceName, Precision, RuntimeName, RuntimeOptions
 from ssiam.stabilize import PaperConfig, PredictConfig, StabilizerConfig
@@ -96,7 +97,9 @@ class TrackerOptions:
             return []
         return [("--weights", path) for path in (self.weights, *self.weights.glob("*"))]
 
-    def load(self, config: StabilizerConfig) -> StabilizedTracker:
+    def load(
+        self, config: StabilizerConfig, static_mask: MaskOf | None = None
+    ) -> StabilizedTracker:
         """The tracker, stabilized according to `config`; raises as `load_tracker`."""
         RuntimeOptions(threads=self.threads)  # raises, before so many threads start
         cv2.setNumThreads(self.threads)
@@ -110,6 +113,7 @@ class TrackerOptions:
             device=self.device,
             template_memory=self.template_memory,
             distractors=self.distractors,
+            static_mask=static_mask,
         )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 
 from ssiam.cli.moments import Span
+from ssiam.cli.static_areas import StaticAreas
 from ssiam.cli.track_run import SourceOptions, selected_frames
 from ssiam.errors import SinkError
 from ssiam.geometry import XYWH, Image
@@ -21,13 +22,17 @@ from ssiam.video.drawing import draw_rulers, draw_tracks
 from ssiam.video.source_files import check_distinct_from_source
 
 
-def pick_boxes(source: SourceOptions, span: Span, stem: str, words: Sequence[str]) -> None:
+def pick_boxes(
+    source: SourceOptions, span: Span, areas: StaticAreas, stem: str, words: Sequence[str]
+) -> None:
     """Write the first frame of `span` with numbered proposals; print the commands to type.
 
     Parameters
     ----------
     source : SourceOptions
     span : Span
+    areas : StaticAreas
+        What moves with the camera, and is not proposed.
     stem : str
         The image is called STEM-pick.png, numbered to be unused.
     words : sequence of str
@@ -36,14 +41,16 @@ def pick_boxes(source: SourceOptions, span: Span, stem: str, words: Sequence[str
     Raises
     ------
     SsiamError
-        The source cannot be opened, has no frame in the span, or the image cannot be written.
+        The source cannot be opened, has no frame in the span, an area does not fit it, or the image
+        cannot be written.
     """
     paths = (Path(f"{name}.png") for name in numbered_names(f"{stem}-pick"))
     path = next(path for path in paths if not path.exists())
     check_distinct_from_source([("--pick", path)], source.spec)
     check_output(path, overwrite=False)
     with source.open() as frames:
-        frame, boxes = _proposals(selected_frames(frames, span, ()))
+        static = areas.mask(frames.size_wh)
+        frame, boxes = _proposals(selected_frames(frames, span, ()), static)
     _write(path, draw_proposals(frame.image, boxes))
     found = f"{len(boxes)} proposals" if boxes else "no proposal: nothing stands out"
     print(f"{path}: frame {frame.index} with {found}. To track one of them, type its line:")
@@ -62,9 +69,11 @@ def draw_proposals(image: Image, boxes: Iterable[XYWH]) -> Image:
     )
 
 
-def _proposals(frames: Generator[Frame, None, None]) -> tuple[Frame, list[XYWH]]:
+def _proposals(
+    frames: Generator[Frame, None, None], static: Image | None
+) -> tuple[Frame, list[XYWH]]:
     first = next(frames)
-    return first, propose_boxes(chain([first.image], (frame.image for frame in frames)))
+    return first, propose_boxes(chain([first.image], (frame.image for frame in frames)), static)
 
 
 def _command(words: Sequence[str], box: XYWH) -> str:

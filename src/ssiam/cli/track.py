@@ -22,6 +22,7 @@ from ssiam.cli.options import (
     report_leftover_parts,
 )
 from ssiam.cli.pick import pick_boxes
+from ssiam.cli.static_areas import StaticAreaOption, StaticAreas, static_area_files
 from ssiam.cli.track_backward import run_backward
 from ssiam.cli.track_corrections import run_corrected
 from ssiam.cli.track_outputs import OutputPaths
@@ -66,6 +67,7 @@ def track(
     stream: Annotated[int | None, Parameter(group=RUNTIME_GROUP)] = None,
     levels: Annotated[str | None, Parameter(group=RUNTIME_GROUP, allow_leading_hyphen=True)] = None,
     tracker_options: TrackerOptions = DEFAULT_TRACKER_OPTIONS,
+    static_area: StaticAreaOption = None,
     config: StabilizationOptions = DEFAULT_STABILIZATION,
 ) -> None:
     """Track targets through a video from a moving camera.
@@ -139,9 +141,14 @@ def track(
     levels
         LOW,HIGH: the values shown as black and as white, for sources with more than 8 bits per
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
+    static_area
+        What moves with the camera, such as the own vehicle, a display or a logo, and is left out of
+        the camera motion: x,y,width,height in pixels, or @FILE with an image of the frames' size
+        that is not black there. Repeat for further areas.
     """
     span = Span(moment_option("--start", start), moment_option("--end", end))
     video.check()
+    areas = StaticAreas.parse(static_area)
     options = SourceOptions(source, _raw_format(raw), stream, parse_levels(levels))
 
     def job_for(targets: int) -> TrackJob:
@@ -153,8 +160,9 @@ def track(
         paths = replace(paths, masks=masks)
         given = (("--corrections", corrections), ("--previous", previous))
         files = [(name, path) for name, path in given if path is not None]
-        paths.check(source, [*tracker_options.weight_files(), *box_files(box or []), *files])
-        return TrackJob(options, paths, tracker_options, config, span, video, quiet)
+        files += [*box_files(box or []), *static_area_files(static_area)]
+        paths.check(source, [*tracker_options.weight_files(), *files])
+        return TrackJob(options, paths, tracker_options, config, span, video, quiet, areas)
 
     if backward and layout == "vot":
         raise ArgumentError("--layout vot has a target's first line first: omit --backward")
@@ -165,13 +173,15 @@ def track(
         span.check([])
         given = (("--raw", raw), ("--stream", stream), ("--levels", levels))
         moments = (("--start", start), ("--end", end))
+        static = (("--static-area", text) for text in static_area or ())
         words = [
             f"{value}"
-            for name, text in (*given, *moments)
+            for name, text in (*given, *moments, *static)
             if text is not None
             for value in (name, text)
         ]
-        pick_boxes(options, span, _stem(source), ["ssiam", "track", display_name(source), *words])
+        command = ["ssiam", "track", display_name(source), *words]
+        pick_boxes(options, span, areas, _stem(source), command)
         return
     if previous is not None and corrections is None:
         raise ArgumentError(f"--previous {previous} is compared with --corrections: give both")

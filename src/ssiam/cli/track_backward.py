@@ -25,7 +25,7 @@ from ssiam.cli.track_run import (
 from ssiam.cli.track_scan import SourceScan
 from ssiam.cli.track_summary import Summary
 from ssiam.cli.track_targets import TargetSet
-from ssiam.cli.track_views import ViewMotion, first_box, planned_views
+from ssiam.cli.track_views import first_box, planned_views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.geometry import XYWH
 from ssiam.motion import Motion
@@ -101,6 +101,7 @@ def _scan(job: TrackJob, targets: Sequence[PlannedTarget]) -> _Scan:
     with job.source.open() as frames:
         for target in targets:
             check_target_box(target, frames.size_wh)
+        job.static_areas.check(frames.size_wh)
         try:
             for frame in selected_frames(frames, job.span, targets):
                 first, last = (first if records else frame.index), frame.index
@@ -145,7 +146,7 @@ def _track(
     run = TargetSet(job.new_group(), targets, has_begun)
     found = _BackwardTracks(len(targets))
     count = len(scan.records)
-    camera = ViewMotion() if job.needs_motion else None
+    camera = job.new_view_motion()
     for frame, following in paired_frames(iter(reader), count, job.tracker.threads):
         with summary.timer:
             if camera is not None and summary.frames:

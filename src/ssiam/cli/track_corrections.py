@@ -26,7 +26,7 @@ from ssiam.cli.track_run import (
 )
 from ssiam.cli.track_scan import SourceScan
 from ssiam.cli.track_summary import Summary
-from ssiam.cli.track_views import ViewMotion, first_box, planned_views
+from ssiam.cli.track_views import first_box, planned_views
 from ssiam.errors import ArgumentError, StreamError
 from ssiam.exchange.annotations import NO_BOX
 from ssiam.exchange.blending import (
@@ -85,6 +85,7 @@ def run_corrected(
         for number, own in enumerate(keyframes, 1):
             for each in own:
                 _check_keyframe(each, number, frames.size_wh)
+        job.static_areas.check(frames.size_wh)
         title = f"{frames.name} between keyframes"
         summary = Summary(title, job.tracker.tracker, job.config.stabilize, len(keyframes))
         scan = _track_forward(job, keyframes, summary, progress)
@@ -295,7 +296,7 @@ def _track_forward(
     with job.source.open() as frames:
         scan = _Scan(info=frames.info, size_wh=frames.size_wh, runs=[{} for _ in keyframes])
         runs: _RunSet | None = None
-        camera = ViewMotion() if job.needs_motion else None
+        camera = job.new_view_motion()
         try:
             for frame in selected_frames(frames, job.span, ()):
                 if runs is None:

@@ -69,7 +69,10 @@ def choose_and_track(
         return is_begun and (end is None or not end.is_passed(frame))
 
     is_piped = str(job.paths.results) == STDOUT
-    tracker = job.tracker.load(job.config)
+    if job.static_areas:
+        with job.source.open() as frames:
+            job.static_areas.check(frames.size_wh)
+    tracker = job.tracker.load(job.config, job.static_areas.mask)
     with PickPage(
         job.source.open,
         tracker,

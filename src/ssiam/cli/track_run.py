@@ -12,6 +12,7 @@ from types import TracebackType
 
 from ssiam.cli.moments import WHOLE_SOURCE, PlannedTarget, Span, begins_before_start
 from ssiam.cli.options import TrackerOptions, report_uncalibrated
+from ssiam.cli.static_areas import NO_STATIC_AREAS, StaticAreas
 from ssiam.cli.track_outputs import OutputPaths, Outputs
 from ssiam.cli.track_progress import RunProgress
 from ssiam.cli.track_records import TrackRecords
@@ -69,6 +70,8 @@ class TrackJob:
     video : VideoOptions
     quiet : bool
         Whether no summary is printed.
+    static_areas : StaticAreas
+        What moves with the camera; `run_track` checks it against the size of the frames.
     """
 
     source: SourceOptions
@@ -78,6 +81,7 @@ class TrackJob:
     span: Span = WHOLE_SOURCE
     video: VideoOptions = DEFAULT_VIDEO
     quiet: bool = False
+    static_areas: StaticAreas = NO_STATIC_AREAS
 
     @property
     def needs_motion(self) -> bool:
@@ -92,10 +96,14 @@ class TrackJob:
 
     def new_group(self) -> TrackerGroup:
         """A group of the job's tracker without targets; raises as `load_tracker`."""
-        tracker = self.tracker.load(self.config)
+        tracker = self.tracker.load(self.config, self.static_areas.mask)
         if not (self.quiet or tracker.score_is_calibrated):
             report_uncalibrated(self.tracker.tracker)
         return TrackerGroup(tracker, keep_going=True)
+
+    def new_view_motion(self) -> ViewMotion | None:
+        """What estimates the camera motion for the video; None if it needs none."""
+        return ViewMotion(self.static_areas.mask) if self.needs_motion else None
 
 
 def run_track(
@@ -117,8 +125,8 @@ def run_track(
     Raises
     ------
     SsiamError
-        Before anything is written: the source cannot be opened, the span or a box does not fit
-        it, or an output cannot be written. Later: the source or an output fails.
+        Before anything is written: the source cannot be opened, the span, a box or a static area
+        does not fit it, or an output cannot be written. Later: the source or an output fails.
     IncompleteError
         At the end: a target failed on some frames or never began.
     """
@@ -129,6 +137,7 @@ def run_track(
         first = next(selected)
         for target in targets:
             check_target_box(target, frames.size_wh)
+        job.static_areas.check(frames.size_wh)
         run = TargetSet(job.new_group(), targets, partial(_has_begun, targets))
         tracks = run.step(first)
         outputs = Outputs(job.paths, job.config)
@@ -144,7 +153,7 @@ def run_track(
             outputs.open_video(frames, job.video, views)
         total = _expected_count(frames, job.span, first)
         passes = 1 if second_pass is None else 2
-        camera = ViewMotion() if job.needs_motion else None
+        camera = job.new_view_motion()
 
         def write(frame: Frame, tracks: Sequence[Track | None], motion: Motion | None) -> None:
             summary.add(frame.index, tracks)

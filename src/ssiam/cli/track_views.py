@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter
 
 from ssiam.errors import ArgumentError
 from ssiam.geometry import XYWH, map_point
-from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
+from ssiam.motion import CameraMotion, MaskOf, Motion, PrefetchingCameraMotion
 from ssiam.render import (
     Border,
     CameraView,
@@ -295,10 +295,16 @@ class ViewMotion:
     """Estimates the camera motion for the video while the tracker runs.
 
     The estimate has a zoom and needs no stabilization; the tracker's own has no zoom.
+
+    Parameters
+    ----------
+    static_mask : callable
+        The mask of what moves with the camera, as `CameraMotion` takes it.
     """
 
-    def __init__(self) -> None:
-        self._camera = PrefetchingCameraMotion(CameraMotion(model="similarity"))
+    def __init__(self, static_mask: MaskOf) -> None:
+        camera = CameraMotion(model="similarity", mask=static_mask)
+        self._camera = PrefetchingCameraMotion(camera)
         self._exclude: list[XYWH] = []
 
     def start(self, frame: Frame) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -73,8 +72,8 @@ class HostMotion(DeepCopied):
         ArgumentError
             The frame is not an image of this kind.
         """
-        image, found = _as_bgr(frame), finite_xywh(boxes)
-        size_wh = check_frame(image)
+        image, found = _without_channel(frame), finite_xywh(boxes)
+        size_wh = check_frame(image, may_be_gray=True)
         if self._size_wh not in (None, size_wh):
             self.reset()
         motion = self._camera.update(image, self._boxes.tolist())
@@ -167,8 +166,7 @@ def finite_xywh(boxes: Any) -> NDArray[np.float64]:
     return xywh[np.isfinite(xywh).all(axis=1) & (xywh[:, 2:] > 0).all(axis=1)]
 
 
-def _as_bgr(frame: Image) -> Image:
-    is_gray = isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.size > 0
-    if is_gray and (frame.ndim == 2 or frame.shape[2:] == (1,)):
-        return np.asarray(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR), np.uint8)
-    return frame
+def _without_channel(frame: Image) -> Image:
+    """A gray frame (H, W, 1) as (H, W)."""
+    is_gray = isinstance(frame, np.ndarray) and frame.ndim == 3 and frame.shape[2] == 1
+    return frame[..., 0] if is_gray else frame

@@ -1,6 +1,13 @@
 """Camera motion between frames, by direct alignment or by keypoints and optical flow."""
 
-from ssiam.motion.camera import KEYPOINTS, CameraMotion, KeypointName, PrefetchingCameraMotion
+from ssiam.motion.camera import (
+    KEYPOINTS,
+    MODELS,
+    CameraMotion,
+    KeypointName,
+    MaskOf,
+    PrefetchingCameraMotion,
+)
 from ssiam.motion.fit import FitName
 from ssiam.motion.gyro import GyroCameraMotion, GyroSync, GyroTrack, synchronize
 from ssiam.motion.gyro_files import read_gyro
@@ -10,6 +17,7 @@ from ssiam.motion.motion import Motion
 
 __all__ = [
     "KEYPOINTS",
+    "MODELS",
     "CameraModelName",
     "CameraMotion",
     "FitName",
@@ -17,6 +25,7 @@ __all__ = [
     "GyroSync",
     "GyroTrack",
     "KeypointName",
+    "MaskOf",
     "ModelName",
     "Motion",
     "MotionMesh",

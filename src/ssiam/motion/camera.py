@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
 from typing import Any, Final, Literal, Protocol, TypeAlias, get_args
@@ -20,9 +20,12 @@ from ssiam.motion.keypoints import GeneratorName, KeypointGenerator, KeypointMot
 from ssiam.motion.models import CameraModelName, ModelName
 from ssiam.motion.motion import Motion, as_motion
 
-KeypointName: TypeAlias = Literal["direct"] | GeneratorName
-MODELS: tuple[CameraModelName, ...] = (*get_args(ModelName), "mesh")
-KEYPOINTS: tuple[KeypointName, ...] = ("direct", *get_args(GeneratorName))
+KeypointName: TypeAlias = Literal["direct", GeneratorName]
+MaskOf: TypeAlias = Callable[[tuple[int, int]], ArrayLike | None]
+"""The static mask of frames of (width, height) pixels, or None without static pixels."""
+
+MODELS: tuple[CameraModelName, ...] = get_args(CameraModelName)
+KEYPOINTS: tuple[KeypointName, ...] = get_args(KeypointName)
 
 _MARGIN: Final = 0.10  # share of a box's size added on each side: its edges move with the target
 _LOW_HIGH_FROM_XYWH: Final = np.block(  # x, y, w, h to low xy, high xy of the enlarged box
@@ -64,15 +67,16 @@ class CameraMotion(DeepCopied):
         that the camera flies past: `Motion.at` is the motion at a point. For "direct" only.
     spread : bool
         Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
-    mask : (H, W) bool or uint8, optional
+    mask : (H, W) bool or uint8, or callable, optional
         Set (not 0) where the frames show what moves with the camera, such as the own vehicle or a
-        display; raw-frame pixels. These pixels are not used. For "direct" only.
+        display; raw-frame pixels. These pixels are not used. A callable makes it at the first
+        frame, of (width, height).
 
     Raises
     ------
     ArgumentError
-        A name is not one of the choices, `spread` is not True or False, or `mask` is not such an
-        array; or `mask` or a mesh is asked for with keypoints.
+        A name is not one of the choices, `spread` is not True or False, `mask` is not such an
+        array, or a mesh is asked for with keypoints.
 
     Examples
     --------
@@ -88,7 +92,7 @@ class CameraMotion(DeepCopied):
         fit: FitName = "robust",
         model: CameraModelName = "similarity",
         spread: bool = True,
-        mask: ArrayLike | None = None,
+        mask: ArrayLike | MaskOf | None = None,
     ) -> None:
         self._keypoints: KeypointName = check_choice("keypoints", keypoints, KEYPOINTS)
         self._fit: FitName = check_choice("fit", fit, get_args(FitName))
@@ -96,9 +100,8 @@ class CameraMotion(DeepCopied):
         if not isinstance(spread, bool):
             raise ArgumentError(f"spread is {short_repr(spread)}: it must be True or False")
         self._spread = spread
-        self._mask = None if mask is None else _checked_mask(mask)
-        if self._mask is not None and keypoints != "direct":
-            raise ArgumentError(f'mask is given with keypoints {keypoints!r}: use "direct"')
+        self._mask_of = mask if callable(mask) else None
+        self._mask = None if mask is None or callable(mask) else _checked_mask(mask)
         if model == "mesh" and keypoints != "direct":
             raise ArgumentError(f'model "mesh" is given with keypoints {keypoints!r}: use "direct"')
         self._size_wh: tuple[int, int] | None = None
@@ -122,7 +125,8 @@ class CameraMotion(DeepCopied):
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8 BGR
+        frame : (H, W, 3) uint8 BGR, or (H, W) uint8 gray
+            The luma plane of a decoder is such a gray frame, of limited range too.
         exclude : (x, y, w, h) or several of them, optional
             Boxes of moving objects, such as the target, in the previous frame; raw-frame pixels.
             Pixels inside are not used.
@@ -139,26 +143,36 @@ class CameraMotion(DeepCopied):
         Raises
         ------
         ArgumentError
-            The frame is not (H, W, 3) uint8, or `exclude` or `motion` is not valid, or the mask
-            has another size than the frame.
+            The frame is not (H, W, 3) or (H, W) uint8, `exclude` or `motion` is not valid, or the
+            mask has another size than the frame.
         FrameSizeError
             The frame has another size than the first one.
         """
-        size_wh, boxes = check_frame(frame, self._size_wh), _low_high_boxes(exclude)
-        if self._mask is not None and self._mask.shape != frame.shape[:2]:
-            height, width = self._mask.shape
-            raise ArgumentError(
-                f"the mask has {width}x{height} pixels: give one of {size_wh[0]}x{size_wh[1]}, as "
-                "the frames have"
-            )
+        size_wh = check_frame(frame, self._size_wh, may_be_gray=True)
+        boxes = _low_high_boxes(exclude)
         given = None if motion is None else as_motion(motion, size_wh)
         if self._content is None:
+            self._mask = self._mask_for(size_wh)
             content = ContentDetector(size_wh)
             content.update(frame)
             self._estimator = self._new_estimator(frame, content.area)
             self._size_wh, self._content = size_wh, content
             return given or Motion.none(size_wh, reliable=True)
         return self._motion_within(self._content, frame, boxes, given)
+
+    def _mask_for(self, size_wh: tuple[int, int]) -> Image | None:
+        """The mask; `ArgumentError` if it has another size than the frames."""
+        mask = self._mask
+        if self._mask_of is not None:
+            made = self._mask_of(size_wh)
+            mask = None if made is None else _checked_mask(made)
+        if mask is not None and mask.shape != size_wh[::-1]:
+            height, width = mask.shape
+            raise ArgumentError(
+                f"the mask has {width}x{height} pixels: give one of {size_wh[0]}x{size_wh[1]}, as "
+                "the frames have"
+            )
+        return mask
 
     def _motion_within(
         self,
@@ -195,7 +209,7 @@ class CameraMotion(DeepCopied):
             estimator: _Estimator = DirectMotion(size_wh, model, mask, has_mesh=has_mesh)
         else:
             generator = KeypointGenerator(self._keypoints)
-            estimator = KeypointMotion(size_wh, generator, self._fit, model, self._spread)
+            estimator = KeypointMotion(size_wh, generator, self._fit, model, self._spread, mask)
         estimator.set_previous(frame)
         return estimator
 
@@ -270,7 +284,7 @@ class PrefetchingCameraMotion(NotPicklable):
             raise ArgumentError(
                 "another frame was started as the next one: call update with that frame first"
             )
-        given = None if motion is None else as_motion(motion, check_frame(frame))
+        given = None if motion is None else as_motion(motion, check_frame(frame, may_be_gray=True))
         self._started = None
         estimated = estimate.result()
         return given or estimated

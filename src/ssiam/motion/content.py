@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ssiam.geometry import Image
 from ssiam.motion.flat_areas import MAX_BLANK_DEVIATION
+from ssiam.motion.pyramid import as_gray
 
 _LONGER_SIDE: Final = 320  # px of the small frame on which bars are measured
 _MIN_CONTENT: Final = 8  # px of the small frame
@@ -105,10 +106,11 @@ class ContentDetector:
         self.uncertain = False
 
     def update(self, frame: Image) -> bool:
-        """Process the next frame (H, W, 3) uint8; returns whether `area` has changed."""
+        """Process the next frame, (H, W, 3) or (H, W) uint8; returns whether `area` has changed."""
+        frame = np.atleast_3d(frame)
         active = any(bar.depth for bar in self._bars)
         rows, columns = self._samples
-        samples = frame[rows, columns, 1]
+        samples = frame[rows, columns, _green(frame)]
         has_flat_side = bool((samples.max(axis=1) - samples.min(axis=1)).min() <= _MAX_RANGE)
         self._resting -= 1
         if self._resting > 0 and not active and not has_flat_side:
@@ -156,7 +158,7 @@ class ContentDetector:
         `plain` says for each side whether its outermost line has one color.
         """
         small = cv2.resize(frame, self._small_wh)
-        gray = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.int16)
+        gray = as_gray(np.asarray(small, dtype=np.uint8)).astype(np.int16)
         prev_gray, self._small = self._small, gray
         if float(gray.std()) < MAX_BLANK_DEVIATION:
             return None
@@ -252,11 +254,16 @@ def _outline(size_wh: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def _outermost(frame: Image, side: int) -> _Gray:
     """Means over bins of 8 pixels of the outermost line of a side, green channel."""
-    line = _from_side(frame, side)[:, 0, 1]
+    line = _from_side(frame, side)[:, 0, _green(frame)]
     if len(line) < 3 * _BIN:
         return line.astype(np.int16)
     sums = np.add.reduce(line[: len(line) // _BIN * _BIN].reshape(-1, _BIN), axis=1, dtype=np.int16)
     return np.asarray(sums // _BIN, dtype=np.int16)
+
+
+def _green(frame: Image) -> int:
+    """Index of the channel that is most like the luma: green, or the only one."""
+    return int(frame.shape[2]) // 2
 
 
 def _is_plain(line: _Gray) -> bool:
@@ -291,7 +298,7 @@ def _flat_edge(lines: Image, depth: int, scale: float) -> int:
     """The first column of the full frame that shows content, near `depth` of the small one."""
     first = max(int((depth - 2) * scale), 0)
     last = min(int((depth + 3) * scale) + 3, lines.shape[1])
-    near = cv2.cvtColor(np.ascontiguousarray(lines[:, first:last]), cv2.COLOR_BGR2GRAY)
+    near = as_gray(np.ascontiguousarray(lines[:, first:last]))
     color = int(np.median(lines[:, 0].mean(axis=-1)))
     deviation = np.abs(near.astype(np.int16) - color)
     edge = int(((deviation > _CLEAN).mean(axis=0) > _STRAY).argmax())

@@ -111,7 +111,7 @@ class DirectMotion:
         self._spare: _FrameData | None = None  # its arrays are used for the next frame
 
     def set_previous(self, frame: Image) -> None:
-        """Use a frame (H, W, 3) uint8 as the previous one."""
+        """Use a frame, (H, W, 3) or (H, W) uint8, as the previous one."""
         if not self._too_small:
             self._prev, self._spare = self._frame_data(frame), self._prev
 
@@ -183,7 +183,7 @@ class DirectMotion:
             )
 
     def _frame_data(self, frame: Image) -> _FrameData:
-        """Pyramid and templates of a frame (H, W, 3), with flat areas outside the scene filled."""
+        """Pyramid and templates of a frame, with flat areas outside the scene filled."""
         spare = self._spare
         spare_levels, spare_fine, spare_coarse = (
             (None, None, None) if spare is None else (spare.pyramid, spare.fine, spare.coarse)

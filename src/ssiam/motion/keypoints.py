@@ -15,6 +15,7 @@ from ssiam.motion.fit import FitName, fit_motion
 from ssiam.motion.flat_areas import flat_outside, is_blank, without_rim
 from ssiam.motion.models import ModelName
 from ssiam.motion.motion import Motion
+from ssiam.motion.pyramid import as_gray
 
 GeneratorName: TypeAlias = Literal["orb", "gftt", "harris", "brisk", "mser"]
 Keypoints: TypeAlias = NDArray[np.float32]
@@ -58,6 +59,8 @@ class KeypointMotion:
     model : {"rigid", "similarity", "affine", "homography"}
     spread : bool
         Whether only the strongest point of each cell of a grid is used.
+    static : (H, W) uint8, optional
+        255 at pixels that are not used, else 0.
     """
 
     def __init__(
@@ -67,7 +70,10 @@ class KeypointMotion:
         fit: FitName,
         model: ModelName,
         spread: bool = True,
+        static: Image | None = None,
     ) -> None:
+        # The flow of a point compares all pixels of its window.
+        self._static = None if static is None else cv2.dilate(static, np.ones(_WINDOW, np.uint8))
         self._size_wh = size_wh
         self._generator = generator
         self._fit: FitName = fit
@@ -77,8 +83,8 @@ class KeypointMotion:
         self._prev_gray: Image | None = None
 
     def set_previous(self, frame: Image) -> None:
-        """Use a frame (H, W, 3) uint8 as the previous one."""
-        self._prev_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        """Use a frame, (H, W, 3) or (H, W) uint8, as the previous one."""
+        self._prev_gray = as_gray(frame)
 
     def estimate(self, frame: Image, boxes: NDArray[np.float64]) -> Motion:
         """The motion from the previous frame to this one, without the points in `boxes`.
@@ -87,7 +93,7 @@ class KeypointMotion:
         as in `DirectMotion`.
         """
         prev_gray = self._prev_gray
-        cur_gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        cur_gray = as_gray(frame)
         if prev_gray is None:
             self._prev_gray = cur_gray
             return Motion.none(self._size_wh, reliable=True)
@@ -117,7 +123,7 @@ class KeypointMotion:
         scale = max(max(self._size_wh) / _LONGER_SIDE, 1.0)
         small_wh = tuple(max(round(side / scale), 1) for side in self._size_wh)
         outside = flat_outside(np.asarray(cv2.resize(gray, small_wh), dtype=np.uint8))
-        if outside is None and len(boxes) == 0:
+        if outside is None and len(boxes) == 0 and self._static is None:
             return None
         if outside is None:
             mask = np.full(gray.shape, 255, dtype=np.uint8)
@@ -126,6 +132,8 @@ class KeypointMotion:
             mask = np.asarray(scene, dtype=np.uint8)
         for left, top, right, bottom in np.maximum(np.rint(boxes), 0).astype(int).tolist():
             mask[top:bottom, left:right] = 0
+        if self._static is not None:
+            mask[self._static > 0] = 0
         return mask
 
 

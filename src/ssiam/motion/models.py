@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ssiam.geometry import IDENTITY, Transform
 
 ModelName: TypeAlias = Literal["rigid", "similarity", "affine", "homography"]
-CameraModelName: TypeAlias = ModelName | Literal["mesh"]
+CameraModelName: TypeAlias = Literal[ModelName, "mesh"]
 
 FREEDOM: Final[dict[ModelName, int]] = {"rigid": 3, "similarity": 4, "affine": 6, "homography": 8}
 """Degrees of freedom of each model."""

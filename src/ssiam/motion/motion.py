@@ -14,10 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from ssiam.errors import ArgumentError
 from ssiam.geometry import (
     IDENTITY,
+    XYWH,
     Transform,
     corners_from_xywh,
     finite_array,
     frame_center,
+    map_box,
     map_points,
     rigid,
     rigid_parameters,
@@ -184,6 +186,11 @@ class Motion:
         if self.mesh is None:
             return self.cur_from_prev
         return self.cur_from_prev @ rigid(*self.mesh.shift_at(point), 0.0)
+
+    def map_box(self, xywh: XYWH) -> XYWH:
+        """The box (x, y, w, h), pixels, of what stands still in `xywh` of the previous frame."""
+        x, y, w, h = xywh
+        return map_box(self.at((x + w / 2, y + h / 2)), xywh)
 
     def rows(self, readout: float) -> NDArray[np.float64]:
         """Undo a rolling shutter: where the pixels of each row were in the middle of the readout.

@@ -42,7 +42,7 @@ _Mask = NDArray[np.bool_]
 _Span = tuple[int, int, int, int]  # x, y, w, h in the compared images
 
 
-def propose_boxes(frames: Iterable[Image]) -> list[XYWH]:
+def propose_boxes(frames: Iterable[Image], static: Image | None = None) -> list[XYWH]:
     """Boxes of objects in the first frame, the most conspicuous first.
 
     Parameters
@@ -50,6 +50,8 @@ def propose_boxes(frames: Iterable[Image]) -> list[XYWH]:
     frames : iterable of (H, W, 3) uint8 BGR
         The frame, and those after it; the first `FRAMES` are used. With a single one, objects are
         found by contrast alone.
+    static : (H, W) uint8, optional
+        Not 0 where the frames show what moves with the camera; nothing is proposed there.
 
     Returns
     -------
@@ -57,13 +59,16 @@ def propose_boxes(frames: Iterable[Image]) -> list[XYWH]:
         At most `MOST`, whole pixels of the raw frame; moving objects before others. Empty if
         nothing stands out.
     """
-    first, *aligned = _aligned(frames)
+    small_static = None if static is None else _reduced(np.where(static, 255, 0).astype(np.uint8))
+    first, *aligned = _aligned(frames, small_static)
     scale = max(first.shape[:2]) / _SIDE
     chosen: list[_Span] = []
     maps = [(_contrast(_reduced(first)), _LARGEST_SHARE)]
     if len(aligned) > 1:
         maps.insert(0, (_difference(_reduced(first), aligned), 1.0))
     for ratio, largest_share in maps:
+        if small_static is not None:
+            ratio[small_static > 0] = 0
         for span in _objects(ratio):
             is_small = span[2] * span[3] <= largest_share * ratio.size
             if is_small and all(_overlap(span, other) <= _MOST_OVERLAP for other in chosen):
@@ -72,13 +77,13 @@ def propose_boxes(frames: Iterable[Image]) -> list[XYWH]:
     return [_scaled(span, factor) for span in chosen[:MOST]]
 
 
-def _aligned(frames: Iterable[Image]) -> list[Any]:
+def _aligned(frames: Iterable[Image], static: Image | None = None) -> list[Any]:
     """The first frame as it is, and every few frames a reduced one, aligned with the first.
 
-    Pixels outside of a frame are NaN.
+    Pixels outside of a frame are NaN. `static` has the size of the reduced frames.
     """
     found: list[Any] = []
-    camera = CameraMotion()
+    camera = CameraMotion(mask=static)
     cur_from_first: Transform = IDENTITY
     for index, frame in enumerate(islice(frames, FRAMES)):
         small = _reduced(frame)

@@ -83,7 +83,7 @@ class PyramidBuilder:
         return scaled
 
     def from_frame(self, frame: Image, reuse: Pyramid | None = None) -> Pyramid:
-        """The pyramid of a frame (H, W, 3) uint8 BGR.
+        """The pyramid of a frame, (H, W, 3) uint8 BGR or (H, W) uint8.
 
         `reuse` is a pyramid that is not needed any more: its arrays may be overwritten.
         """
@@ -91,7 +91,7 @@ class PyramidBuilder:
             pyramid = reuse or Pyramid(*self._kernel.new_levels())
             self._kernel.reduce(frame, pyramid.levels)
             return pyramid
-        gray = cv2.cvtColor(cv2.resize(frame, self.fine_wh), cv2.COLOR_BGR2GRAY)
+        gray = as_gray(np.asarray(cv2.resize(frame, self.fine_wh), dtype=np.uint8))
         return self.from_fine(np.asarray(cv2.GaussianBlur(gray, (3, 3), 0), dtype=np.uint8))
 
     def from_fine(self, fine: Image) -> Pyramid:
@@ -103,3 +103,12 @@ class PyramidBuilder:
         coarse = cv2.pyrDown(cv2.pyrDown(fine))
         tiny = cv2.pyrDown(coarse)
         return Pyramid(fine, *(np.asarray(level, dtype=np.uint8) for level in (coarse, tiny)))
+
+
+def as_gray(image: Image) -> Image:
+    """An image (H, W, 3) uint8 BGR, or (H, W) or (H, W, 1) uint8, as (H, W) uint8."""
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 1:
+        return image[..., 0]
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

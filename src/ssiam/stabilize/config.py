@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 
 from ssiam.errors import ArgumentError, check_choice
 from ssiam.geometry import short_repr
-from ssiam.motion import KEYPOINTS, FitName, KeypointName
+from ssiam.motion import KEYPOINTS, MODELS, CameraModelName, FitName, KeypointName
 
 Method: TypeAlias = Literal["off", "paper", "literal", "predict"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -209,6 +209,10 @@ class StabilizerConfig:
         Settings of "paper" and "literal".
     predict : PredictConfig
         Settings of "predict".
+    motion_model : {"rigid", "similarity", "affine", "homography", "mesh"}
+        Degrees of freedom of the camera motion (`CameraMotion`). "rigid" is the paper's.
+        "predict" applies the motion at the target, so that a tilted ground ("homography") and
+        depth ("mesh", with keypoints "direct" only) move the view as they move the target.
 
     Raises
     ------
@@ -228,6 +232,7 @@ class StabilizerConfig:
     spread: bool = True
     paper: PaperConfig = PaperConfig()
     predict: PredictConfig = PredictConfig()
+    motion_model: CameraModelName = "rigid"
 
     def __post_init__(self) -> None:
         check_choice("stabilize", self.stabilize, METHODS)
@@ -237,6 +242,11 @@ class StabilizerConfig:
         check_choice("keypoints", self.keypoints, KEYPOINTS)
         check_choice("fit", self.fit, get_args(FitName))
         _check_type(self, "spread", bool, "True or False")
+        check_choice("motion_model", self.motion_model, MODELS)
+        if self.motion_model == "mesh" and self.keypoints != "direct":
+            raise ArgumentError(
+                f'motion_model "mesh" is given with keypoints {self.keypoints!r}: use "direct"'
+            )
         for name, part in _PARTS.items():
             _check_type(self, name, part, f"a {part.__name__}")
 
@@ -255,6 +265,7 @@ class StabilizerConfig:
             "keypoints": self.keypoints,
             "fit": self.fit,
             "spread": self.spread,
+            "motion_model": self.motion_model,
         }
         for name in _PARTS:
             part = getattr(self, name)

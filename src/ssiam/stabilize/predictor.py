@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
-from ssiam.geometry import IDENTITY, XYWH, Points, Transform, map_point, rigid
+from ssiam.geometry import (
+    IDENTITY,
+    XYWH,
+    Points,
+    Transform,
+    map_point,
+    rigid,
+    rigid_parameters,
+)
 from ssiam.motion import Motion
 from ssiam.stabilize.config import PredictConfig
 
@@ -111,7 +119,7 @@ class TargetPredictor(DeepCopied):
         chosen = self._choice()
         angle = _angle(self.stab_from_raw)
         if self._config.turn and chosen in _WITH_CAMERA:
-            angle -= _angle(motion.cur_from_prev)
+            angle -= self._rigid_at_target(motion)[2]
         if chosen != Hypothesis.STILL or self.stab_from_raw is not IDENTITY:
             self.stab_from_raw = self._view(angle, positions[chosen])
         return self._box_at(positions[chosen])
@@ -149,8 +157,9 @@ class TargetPredictor(DeepCopied):
             self._elapsed += 1
             if motion.reliable:
                 x, y = self._center.tolist()
+                cur_from_prev = rigid(*self._rigid_at_target(motion), (x, y))
                 self._center = np.array(map_point(motion.at((x, y)), x, y))
-                self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(motion.cur_from_prev)
+                self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(cur_from_prev)
             self._step = None
         return self._box_at(self._center)
 
@@ -176,6 +185,14 @@ class TargetPredictor(DeepCopied):
     def _box_at(self, center: Point) -> XYWH:
         (x, y), (w, h) = center.tolist(), self._box[2:]
         return x - w / 2, y - h / 2, w, h
+
+    def _rigid_at_target(self, motion: Motion) -> tuple[float, float, float]:
+        """Shift (pixels) and rotation (radians) of the background at the target: views are rigid.
+
+        A similarity's zoom and a homography's tilt would change the size of the target.
+        """
+        x, y = self._center.tolist()
+        return rigid_parameters(motion.at((x, y)), (x, y))
 
     def _predict(self, motion: Motion) -> Points:
         """The target center (4, 2) predicted by each hypothesis, raw-frame pixels."""

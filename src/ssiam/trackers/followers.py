@@ -248,7 +248,7 @@ class PredictiveFollower:
         if not motion.reliable or self._reachable.frames_unseen >= _UNSEEN:
             self._must_be_recognized = True
         if motion.reliable:
-            self._last_xywh = map_box(motion.cur_from_prev, self._last_xywh)
+            self._last_xywh = motion.map_box(self._last_xywh)
         elif not self._loss.lost:  # a cut: the video may return to this scene later
             self._before_cut_xywh = self._last_xywh
         predicted = self._prediction.update(motion)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from ssiam.geometry import XYWH, map_box
+from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 
 _MEMORY: Final = 0.65  # weight of the past in the running score
@@ -90,7 +90,7 @@ class ReachableBox:
         """Move on to the next frame, reached by `motion`."""
         self.frames_unseen += 1
         if motion.reliable:
-            self._scene_xywh = map_box(motion.cur_from_prev, self._scene_xywh)
+            self._scene_xywh = motion.map_box(self._scene_xywh)
 
     def observe(self, xywh: XYWH) -> None:
         """Take `xywh` as the target's box in this frame, if it is reachable."""

@@ -7,7 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
 
+from numpy.typing import ArrayLike
+
 from ssiam.errors import ArgumentError, WeightsError, check_choice
+from ssiam.motion import MaskOf
 from ssiam.runtime import (
     MODEL_ZOO,
     DeviceName,
@@ -78,6 +81,7 @@ def load_tracker(
     device: DeviceName | None = None,
     template_memory: bool = False,
     distractors: bool | None = None,
+    static_mask: ArrayLike | MaskOf | None = None,
 ) -> StabilizedTracker:
     """Load a tracker that runs on stabilized frames.
 
@@ -110,6 +114,9 @@ def load_tracker(
     distractors : bool, optional
         Whether the tracker recognizes objects like its target by their positions
         (`ssiam.trackers.distractors`); by default only lite. Not for csrt, kcf and mil.
+    static_mask : (H, W) bool or uint8, or callable, optional
+        Set (not 0) where the frames show what moves with the camera, such as the own vehicle or a
+        display; see `CameraMotion`.
 
     Returns
     -------
@@ -145,7 +152,9 @@ def load_tracker(
         tracker = _view_tracker(known, path, options, distractors)
     if template_memory and not tracker.can_seek:
         raise ArgumentError(f"tracker {name} cannot search around a given box: it has no memory")
-    return StabilizedTracker(TemplateMemoryTracker(tracker) if template_memory else tracker, config)
+    if template_memory:
+        tracker = TemplateMemoryTracker(tracker)
+    return StabilizedTracker(tracker, config, static_mask)
 
 
 def check_tracker_name(name: str) -> str:

@@ -10,6 +10,7 @@ from typing import Final
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ssiam.copying import NotPicklable
 from ssiam.errors import ArgumentError, CopyError, SsiamError, TrackingError
@@ -22,7 +23,7 @@ from ssiam.geometry import (
     finite_array,
     short_repr,
 )
-from ssiam.motion import CameraMotion, Motion, PrefetchingCameraMotion
+from ssiam.motion import CameraMotion, MaskOf, Motion, PrefetchingCameraMotion
 from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
 from ssiam.track import Track
@@ -76,13 +77,21 @@ class StabilizedTracker(NotPicklable):
         Any object with ``init(view, xywh)`` and ``update(view)``; `ssiam.trackers.base` lists what
         it may have besides.
     config : StabilizerConfig
+    static_mask : (H, W) bool or uint8, or callable, optional
+        What moves with the camera, which is left out of the camera's motion; see `CameraMotion`.
     """
 
     _copy_hint = "load one in each process with ssiam.load_tracker"
 
-    def __init__(self, tracker: ViewTracker, config: StabilizerConfig) -> None:
+    def __init__(
+        self,
+        tracker: ViewTracker,
+        config: StabilizerConfig,
+        static_mask: ArrayLike | MaskOf | None = None,
+    ) -> None:
         _check_config(config)
-        self._tracker = complete(tracker)
+        CameraMotion(mask=static_mask)  # raises
+        self._tracker, self._static_mask = complete(tracker), static_mask
         self._config = config
         self._target: _Target | None = None
 
@@ -115,11 +124,11 @@ class StabilizedTracker(NotPicklable):
 
     def new_camera(self) -> PrefetchingCameraMotion | None:
         """A new motion estimator with this tracker's settings; None with ``stabilize="off"``."""
-        return _new_camera(self._config)
+        return self._new_camera(self._config)
 
     def clone(self) -> StabilizedTracker:
         """A tracker of the same kind and settings without a target, on the same networks."""
-        return StabilizedTracker(self._tracker.clone(), self._config)
+        return StabilizedTracker(self._tracker.clone(), self._config, self._static_mask)
 
     def init(self, frame: Image, box: Sequence[float]) -> None:
         """Take the object in `box` of `frame` as the target; an earlier target is dropped.
@@ -330,10 +339,18 @@ class StabilizedTracker(NotPicklable):
     ) -> tuple[Follower, PrefetchingCameraMotion | None]:
         """A follower of the target in `xywh`, and a motion estimator; both start with `frame`."""
         make = PredictiveFollower if config.stabilize == "predict" else StabilizedFollower
-        follower, camera = make(self._tracker, config, xywh, loss), _new_camera(config)
+        follower, camera = make(self._tracker, config, xywh, loss), self._new_camera(config)
         if camera is not None:
             follower.advance(camera.update(frame))
         return follower, camera
+
+    def _new_camera(self, config: StabilizerConfig) -> PrefetchingCameraMotion | None:
+        if config.stabilize == "off":
+            return None
+        camera = CameraMotion(
+            config.keypoints, config.fit, config.motion_model, config.spread, self._static_mask
+        )
+        return PrefetchingCameraMotion(camera)
 
 
 @contextmanager
@@ -369,13 +386,6 @@ def _first_box(box: Sequence[float], size_wh: tuple[int, int], tracker: Complete
     if not np.ptp(corners.reshape(4, 2), axis=0).all():
         raise ArgumentError(f"box {short_repr(box)} is empty: its corners are on one line")
     return check_box(area_preserving_xywh(corners, tracker.center_inset), size_wh)
-
-
-def _new_camera(config: StabilizerConfig) -> PrefetchingCameraMotion | None:
-    if config.stabilize == "off":
-        return None
-    camera = CameraMotion(config.keypoints, config.fit, model="rigid", spread=config.spread)
-    return PrefetchingCameraMotion(camera)
 
 
 def _raw_view(frame: Image, config: StabilizerConfig) -> FrameView:
