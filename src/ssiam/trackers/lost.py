@@ -11,6 +11,7 @@ from ssiam.motion import Motion
 _MEMORY: Final = 0.65  # weight of the past in the running score
 _LOST_BELOW: Final = 0.2  # running score below which the target is lost
 _FOUND_ABOVE: Final = 0.35  # running score above which it is re-detected
+_DIP_BEGINS, _DIP_ENDS = 0.45, 0.7  # running score
 # After blank frames the tracker may be on another object: the target is lost earlier, and the
 # threshold of re-detection is higher at first and falls to `_FOUND_ABOVE`.
 _LOST_BELOW_BLANK: Final = 0.35
@@ -21,6 +22,7 @@ _FOUND_DECAY: Final = 0.004  # per frame
 _TOLERANCE: Final = 0.7  # for a target that was occluded for a moment
 _DRIFT: Final = 0.015  # added per frame without the target
 _MAX_TOLERANCE: Final = 2.0  # with all that is added
+_FAST_TOLERANCE, _FAST_DRIFT = 1.0, 0.1  # the same for a fast target
 _SIZE_WEIGHT: Final = 3.0  # distance equivalent to a change of the size by a factor of 2
 
 
@@ -33,11 +35,14 @@ class LossDetector:
         Whether the target is lost.
     frames_lost : int
         Number of frames since it was lost; 0 while it is tracked.
+    is_in_dip : bool
+        Whether the running score is low, since it fell and until it is high again.
     """
 
     def __init__(self) -> None:
         self.lost = False
         self.frames_lost = 0
+        self.is_in_dip = False
         self._running = 1.0
         self._found_above = _FOUND_ABOVE
 
@@ -45,6 +50,7 @@ class LossDetector:
         """Add the score (0..1) of one frame."""
         self._running = _MEMORY * self._running + (1 - _MEMORY) * score
         self._found_above = max(self._found_above - _FOUND_DECAY, _FOUND_ABOVE)
+        self.is_in_dip = self._running < (_DIP_ENDS if self.is_in_dip else _DIP_BEGINS)
         if self.lost:
             self.frames_lost += 1
             if self._running > self._found_above:
@@ -55,6 +61,12 @@ class LossDetector:
     def doubt(self) -> None:
         """Raise the threshold of re-detection for some time, as after blank frames."""
         self._found_above = _FOUND_ABOVE_BLANK
+
+    def confirm(self) -> None:
+        """Re-detect the target, which was recognized by other evidence than its score."""
+        if self.lost:
+            self.lost, self.frames_lost = False, 0
+            self._running = max(self._running, self._found_above)
 
     def skip_blank(self) -> None:
         """Add a blank frame, in which the target cannot be visible."""
@@ -92,9 +104,12 @@ class ReachableBox:
         if motion.reliable:
             self._scene_xywh = map_box(motion.cur_from_prev, self._scene_xywh)
 
-    def observe(self, xywh: XYWH) -> None:
-        """Take `xywh` as the target's box in this frame, if it is reachable."""
-        if self.contains(xywh):
+    def observe(self, xywh: XYWH, may_jump: bool = True) -> None:
+        """Take `xywh` as the target's box in this frame, if it is reachable.
+
+        `may_jump` is whether a target that was just seen may have any box.
+        """
+        if self.contains(xywh) and (may_jump or self._distance(xywh) <= _TOLERANCE):
             self._scene_xywh = self._frame_xywh = xywh
             self.frames_unseen = 0
 
@@ -103,11 +118,20 @@ class ReachableBox:
         self._scene_xywh = self._frame_xywh = xywh
 
     def contains(self, xywh: XYWH) -> bool:
-        """Whether the target can have the box `xywh` in this frame."""
+        """Whether the target is likely to have the box `xywh` in this frame."""
         if self.frames_unseen <= 1:
             return True
-        distance = min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
-        return distance <= min(_TOLERANCE + _DRIFT * self.frames_unseen, _MAX_TOLERANCE)
+        tolerance = min(_TOLERANCE + _DRIFT * self.frames_unseen, _MAX_TOLERANCE)
+        return self._distance(xywh) <= tolerance
+
+    def is_possible(self, xywh: XYWH) -> bool:
+        """Whether even a fast target can have the box `xywh` in this frame."""
+        if self.frames_unseen <= 1:
+            return True
+        return self._distance(xywh) <= _FAST_TOLERANCE + _FAST_DRIFT * self.frames_unseen
+
+    def _distance(self, xywh: XYWH) -> float:
+        return min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
 
 
 def _distance(xywh: XYWH, last_xywh: XYWH) -> float:
