@@ -46,7 +46,7 @@ _TAKEN: Final = 0.4  # IoU with another target from which an object is that targ
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
 # Likeness that is neutral evidence for the target.
 _DIP_LIKENESS: Final = 0.03  # where the target can be, after some frames of low scores
-_NEAR_LIKENESS: Final = 0.16  # the same if it was unseen
+_NEAR_LIKENESS: Final = 0.12  # the same if it was unseen
 _LATER_LIKENESS: Final = 0.21  # the same after a cut, or while it is searched for
 _FAR_LIKENESS: Final = 0.27  # elsewhere
 _PER_OCTAVE: Final = 0.1  # added for each factor of 2 of the size, beyond a factor of 1.4
@@ -453,6 +453,7 @@ class PredictiveFollower:
         if not self._evidence.add(track.box, likeness, limit):
             return False
         self._must_be_recognized, self._recognized_xywh = False, track.box
+        self._reachable.take(track.box)
         return True
 
     def _neutral_likeness(self, xywh: XYWH) -> float:
@@ -476,7 +477,8 @@ class PredictiveFollower:
         if track.score > _CONFIDENT:
             self._global_search.observe(view.raw, track.box)
         stab_xywh = map_box(view.stab_from_raw, track.box)
-        self._recognition.observe(self._tracker, view, stab_xywh, track.score)
+        if not self._recognition.observe(self._tracker, view, stab_xywh, track.score):
+            self._must_be_recognized = True
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
@@ -484,6 +486,8 @@ class PredictiveFollower:
 
     def _update(self, view: FrameView, track: Track, fallback_xywh: XYWH) -> None:
         plausible = self._is_plausible(track)
+        if plausible and not self._reachable.contains(track.box):
+            self._must_be_recognized = True
         is_doubtful = self._must_be_recognized or self._loss.lost
         if plausible and is_doubtful and track.score > _LIKELY:
             must_be_recognized = self._must_be_recognized
@@ -499,7 +503,7 @@ class PredictiveFollower:
                 self._loss.confirm()
         confident = track.score > _CONFIDENT
         if plausible and track.score > _LIKELY and not self._loss.lost:
-            self._reachable.observe(track.box, may_jump=confident)
+            self._reachable.observe(track.box)
         self._is_redetected = confident and plausible
         if self._is_searching:
             self._prediction.move_to(track.box if confident else fallback_xywh)
@@ -509,12 +513,8 @@ class PredictiveFollower:
         self._prediction.observe(track.box, track.score)
 
     def _is_plausible(self, track: Track) -> bool:
-        """Whether the target is likely to have this box, or can have it and the score is high."""
-        if track.score > _CERTAIN and (
-            self._is_searching or self._is_cut or self._reachable.is_possible(track.box)
-        ):
-            return True
-        return self._reachable.contains(track.box)
+        """Whether the target can have this box, or the score is high enough to accept any box."""
+        return track.score > _CERTAIN or self._reachable.contains(track.box)
 
     def _search_box(self, looks: int) -> XYWH:
         """The box of a search around the last positions, by the number of those before it."""

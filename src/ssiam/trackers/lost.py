@@ -22,7 +22,6 @@ _FOUND_DECAY: Final = 0.004  # per frame
 _TOLERANCE: Final = 0.7  # for a target that was occluded for a moment
 _DRIFT: Final = 0.015  # added per frame without the target
 _MAX_TOLERANCE: Final = 2.0  # with all that is added
-_FAST_TOLERANCE, _FAST_DRIFT = 1.0, 0.1  # the same for a fast target
 _SIZE_WEIGHT: Final = 3.0  # distance equivalent to a change of the size by a factor of 2
 
 
@@ -104,14 +103,15 @@ class ReachableBox:
         if motion.reliable:
             self._scene_xywh = map_box(motion.cur_from_prev, self._scene_xywh)
 
-    def observe(self, xywh: XYWH, may_jump: bool = True) -> None:
-        """Take `xywh` as the target's box in this frame, if it is reachable.
+    def observe(self, xywh: XYWH) -> None:
+        """Take `xywh` as the target's box in this frame, if it is reachable."""
+        if self.contains(xywh):
+            self.take(xywh)
 
-        `may_jump` is whether a target that was just seen may have any box.
-        """
-        if self.contains(xywh) and (may_jump or self._distance(xywh) <= _TOLERANCE):
-            self._scene_xywh = self._frame_xywh = xywh
-            self.frames_unseen = 0
+    def take(self, xywh: XYWH) -> None:
+        """Take `xywh` as the target's box in this frame."""
+        self._scene_xywh = self._frame_xywh = xywh
+        self.frames_unseen = 0
 
     def move_to(self, xywh: XYWH) -> None:
         """Assume that the unseen target is in `xywh` now."""
@@ -121,17 +121,8 @@ class ReachableBox:
         """Whether the target is likely to have the box `xywh` in this frame."""
         if self.frames_unseen <= 1:
             return True
-        tolerance = min(_TOLERANCE + _DRIFT * self.frames_unseen, _MAX_TOLERANCE)
-        return self._distance(xywh) <= tolerance
-
-    def is_possible(self, xywh: XYWH) -> bool:
-        """Whether even a fast target can have the box `xywh` in this frame."""
-        if self.frames_unseen <= 1:
-            return True
-        return self._distance(xywh) <= _FAST_TOLERANCE + _FAST_DRIFT * self.frames_unseen
-
-    def _distance(self, xywh: XYWH) -> float:
-        return min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
+        distance = min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
+        return distance <= min(_TOLERANCE + _DRIFT * self.frames_unseen, _MAX_TOLERANCE)
 
 
 def _distance(xywh: XYWH, last_xywh: XYWH) -> float:
