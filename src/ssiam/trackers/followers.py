@@ -44,7 +44,7 @@ _GLOBAL_TURNS: Final = (3, 4, 7)  # in the whole frame
 _UNSEEN: Final = 4  # frames without a likely box after which a box may be on another object
 _TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
-# Likeness that is neutral evidence for the target.
+# Likeness that is neutral evidence for the target, from docs/decisions/0012.
 _DIP_LIKENESS: Final = 0.03  # where the target can be, after some frames of low scores
 _NEAR_LIKENESS: Final = 0.12  # the same if it was unseen
 _LATER_LIKENESS: Final = 0.21  # the same after a cut, or while it is searched for
@@ -407,7 +407,8 @@ class PredictiveFollower:
             predicted = self._seek(view, predicted_xywh)
             fallback_xywh = predicted.box
             self._is_promising = predicted.score > _LIKELY and self._is_plausible(predicted)
-            if self._is_promising and self._is_target(view, predicted, taken):
+            is_free = self._is_promising and not _is_taken(predicted, taken)
+            if is_free and self._is_target(view, predicted):
                 return predicted, fallback_xywh
             found = Track(fallback_xywh, 0.0) if self._is_promising else predicted
         if turn in _LAST_TURNS:
@@ -418,8 +419,8 @@ class PredictiveFollower:
         else:
             return found, fallback_xywh
         other = self._seek(view, window)
-        if other.score > _CERTAIN:
-            if self._is_target(view, other, taken):
+        if other.score > _CERTAIN and not _is_taken(other, taken):
+            if self._is_target(view, other):
                 self._loss.doubt()
                 return other, fallback_xywh
             if self._evidence.value > 0:
@@ -431,18 +432,17 @@ class PredictiveFollower:
     ) -> tuple[Track, XYWH]:
         """Follow a candidate of the search until it is recognized, or given up."""
         track = self._seek(view, xywh)
-        is_target = track.score > _CERTAIN and self._is_target(view, track, taken)
-        is_open = track.score > _CERTAIN and self._evidence.value > _GIVEN_UP
+        is_free = track.score > _CERTAIN and not _is_taken(track, taken)
+        is_target = is_free and self._is_target(view, track)
+        is_open = is_free and self._evidence.value > _GIVEN_UP
         self._candidate_xywh = None if is_target or not is_open else track.box
         if is_target:
             self._loss.doubt()
             return track, predicted_xywh
         return Track(predicted_xywh, 0.0), predicted_xywh
 
-    def _is_target(self, view: FrameView, track: Track, taken: Sequence[XYWH] = ()) -> bool:
-        """Whether what was found is the target, and not one of another tracker in `taken`."""
-        if any(float(iou(track.box, each)) > _TAKEN for each in taken):
-            return False
+    def _is_target(self, view: FrameView, track: Track) -> bool:
+        """Whether what was found is recognized as the target."""
         if not self._recognition.is_ready:
             self._must_be_recognized = False
             return True
@@ -523,3 +523,8 @@ class PredictiveFollower:
         reach = min(min_reach + _SEARCH_GROWTH * looks, max_reach) * math.sqrt(w * h)
         dx, dy = _SEARCH_PATTERN[looks % len(_SEARCH_PATTERN)]
         return x + dx * reach, y + dy * reach, w, h
+
+
+def _is_taken(track: Track, taken: Sequence[XYWH]) -> bool:
+    """Whether what was found is another target, by the boxes of the others."""
+    return any(float(iou(track.box, each)) > _TAKEN for each in taken)

@@ -30,6 +30,7 @@ Floats = NDArray[np.float64]
 _MIN_SCORE: Final = 0.8  # from which a box is a sample of the target
 _MAX_SAMPLES: Final = 8
 _FIRST_INTERVAL, _MAX_INTERVAL = 8, 80  # frames between two; doubled each time from the last on
+# From docs/decisions/0012-recognition-of-a-lost-target.md, as those of `Evidence`.
 _STRANGE: Final = 0.1  # likeness below which a sample may be of another object
 _OWN_SHARE: Final = 0.5  # of the samples' own similarity that counts as usual
 
