@@ -108,18 +108,6 @@ def test_an_object_is_recognized_by_its_features():
     assert recognition.likeness(tracker, view, (200.0, 180.0, 32.0, 28.0)) < 0
 
 
-def test_a_sample_of_another_object_is_not_taken():
-    frame = np.full((240, 320, 3), 100, np.uint8)
-    frame[90:118, 120:152] = (200, 60, 90)
-    view, tracker, recognition = FrameView(frame), Features(), TargetRecognition()
-    tracker.init(view, BOX)
-    assert all(recognition.observe(tracker, view, BOX, 0.9) for _ in range(40))
-    other = (20.0, 20.0, 32.0, 28.0)
-    taken = [recognition.observe(tracker, view, other, 0.9) for _ in range(8)]
-    assert taken.count(False) == 1
-    assert recognition.likeness(tracker, view, other) < 0.1
-
-
 class SameFeatures(Features):
     """All objects are the same to the network; their surroundings are not."""
 

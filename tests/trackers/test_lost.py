@@ -63,13 +63,6 @@ def test_a_confirmed_target_is_redetected_at_once():
     assert tracked._running == after(*GOOD)._running
 
 
-def test_a_dip_of_the_score_begins_and_ends():
-    assert not after(*GOOD, 0.0).is_in_dip
-    assert after(*GOOD, 0.0, 0.0).is_in_dip
-    assert after(*GOOD, 0.0, 0.0, 0.95).is_in_dip
-    assert not after(*GOOD, 0.0, 0.0, *GOOD).is_in_dip
-
-
 def test_hysteresis():
     """There are scores that neither lose a tracked target nor re-detect a lost one."""
     between = [

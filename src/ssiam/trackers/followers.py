@@ -45,8 +45,7 @@ _UNSEEN: Final = 4  # frames without a likely box after which a box may be on an
 _TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
 # Likeness that is neutral evidence for the target, from docs/decisions/0012.
-_DIP_LIKENESS: Final = 0.03  # where the target can be, after some frames of low scores
-_NEAR_LIKENESS: Final = 0.12  # the same if it was unseen
+_NEAR_LIKENESS: Final = 0.12  # where the target can be
 _LATER_LIKENESS: Final = 0.21  # the same after a cut, or while it is searched for
 _FAR_LIKENESS: Final = 0.27  # elsewhere
 _PER_OCTAVE: Final = 0.1  # added for each factor of 2 of the size, beyond a factor of 1.4
@@ -462,7 +461,7 @@ class PredictiveFollower:
             return _FAR_LIKENESS
         if self._is_searching or self._is_cut:
             return _LATER_LIKENESS
-        return _NEAR_LIKENESS if self._reachable.frames_unseen >= _UNSEEN else _DIP_LIKENESS
+        return _NEAR_LIKENESS
 
     def _octaves(self, xywh: XYWH) -> float:
         """By how many factors of 2 a box's size differs from the target's last one."""
@@ -477,8 +476,7 @@ class PredictiveFollower:
         if track.score > _CONFIDENT:
             self._global_search.observe(view.raw, track.box)
         stab_xywh = map_box(view.stab_from_raw, track.box)
-        if not self._recognition.observe(self._tracker, view, stab_xywh, track.score):
-            self._must_be_recognized = True
+        self._recognition.observe(self._tracker, view, stab_xywh, track.score)
 
     def _seek(self, view: FrameView, xywh: XYWH) -> Track:
         stab_xywh = map_box(view.stab_from_raw, xywh)
@@ -494,10 +492,7 @@ class PredictiveFollower:
             recognized = track.box == self._recognized_xywh or self._is_target(view, track)
             plausible = recognized or not must_be_recognized
         if self._config.predict.find:
-            was_in_dip = self._loss.is_in_dip
             self._loss.update(track.score if plausible else 0.0)
-            if self._loss.is_in_dip and not was_in_dip:
-                self._must_be_recognized = True
             is_recognized = track.box == self._recognized_xywh and track.score > _CONFIDENT
             if is_recognized and self._evidence.is_sure:
                 self._loss.confirm()

@@ -11,7 +11,6 @@ from ssiam.motion import Motion
 _MEMORY: Final = 0.65  # weight of the past in the running score
 _LOST_BELOW: Final = 0.2  # running score below which the target is lost
 _FOUND_ABOVE: Final = 0.35  # running score above which it is re-detected
-_DIP_BEGINS, _DIP_ENDS = 0.45, 0.7  # running score
 # After blank frames the tracker may be on another object: the target is lost earlier, and the
 # threshold of re-detection is higher at first and falls to `_FOUND_ABOVE`.
 _LOST_BELOW_BLANK: Final = 0.35
@@ -34,14 +33,11 @@ class LossDetector:
         Whether the target is lost.
     frames_lost : int
         Number of frames since it was lost; 0 while it is tracked.
-    is_in_dip : bool
-        Whether the running score is low, since it fell and until it is high again.
     """
 
     def __init__(self) -> None:
         self.lost = False
         self.frames_lost = 0
-        self.is_in_dip = False
         self._running = 1.0
         self._found_above = _FOUND_ABOVE
 
@@ -49,7 +45,6 @@ class LossDetector:
         """Add the score (0..1) of one frame."""
         self._running = _MEMORY * self._running + (1 - _MEMORY) * score
         self._found_above = max(self._found_above - _FOUND_DECAY, _FOUND_ABOVE)
-        self.is_in_dip = self._running < (_DIP_ENDS if self.is_in_dip else _DIP_BEGINS)
         if self.lost:
             self.frames_lost += 1
             if self._running > self._found_above:

@@ -29,9 +29,8 @@ Floats = NDArray[np.float64]
 
 _MIN_SCORE: Final = 0.8  # from which a box is a sample of the target
 _MAX_SAMPLES: Final = 8
-_FIRST_INTERVAL, _MAX_INTERVAL = 8, 80  # frames between two; doubled each time from the last on
+_FIRST_INTERVAL, _MAX_INTERVAL = 8, 160  # frames between two; doubled each time from the last on
 # From docs/decisions/0012-recognition-of-a-lost-target.md, as those of `Evidence`.
-_STRANGE: Final = 0.1  # likeness below which a sample may be of another object
 _OWN_SHARE: Final = 0.5  # of the samples' own similarity that counts as usual
 
 # For `Evidence`.
@@ -60,25 +59,19 @@ class TargetRecognition(DeepCopied):
         self._age = 0
         self._is_possible = True  # until a tracker without features, or without clones, is seen
 
-    def observe(self, tracker: CompleteTracker, view: FrameView, xywh: XYWH, score: float) -> bool:
+    def observe(self, tracker: CompleteTracker, view: FrameView, xywh: XYWH, score: float) -> None:
         """Take a sample of the target in `xywh`, view pixels, if it is time for one.
 
         At most one feature is computed in a frame. Nothing is compared if the tracker has no
         template feature or cannot be cloned.
-
-        Returns
-        -------
-        bool
-            False if the sample is so unlike the others that it may show another object; it is not
-            taken.
         """
         self._age += 1
         if score < _MIN_SCORE or not self._is_possible:
-            return True
+            return
         if not self._beside:
             self._is_possible = _is_comparable(tracker)
             if not self._is_possible:
-                return True
+                return
         if len(self._beside) < 4:
             self._beside.append(_feature(tracker, view, beside(xywh)[len(self._beside)]))
         elif not self._samples:
@@ -88,8 +81,6 @@ class TargetRecognition(DeepCopied):
         elif self._age >= self._interval:
             self._age = 0
             sample = self._sample(tracker, view, xywh)
-            if self.is_ready and self._likeness(sample) < _STRANGE:
-                return False
             # The last sample is so recent that the similarity to it is higher than usual.
             own = _similarity(sample, self._samples[:-1] or self._samples)
             self._own = [*self._own, own][-_MAX_SAMPLES:]
@@ -97,7 +88,6 @@ class TargetRecognition(DeepCopied):
                 del self._samples[1]  # the first one is kept
                 self._interval = min(2 * self._interval, _MAX_INTERVAL)
             self._samples.append(sample)
-        return True
 
     @property
     def is_ready(self) -> bool:
@@ -115,10 +105,7 @@ class TargetRecognition(DeepCopied):
 
         Only if `is_ready`.
         """
-        return self._likeness(self._sample(tracker, view, xywh))
-
-    def _likeness(self, sample: _Sample) -> float:
-        feature, colors = _similarity(sample, self._samples)
+        feature, colors = _similarity(self._sample(tracker, view, xywh), self._samples)
         own_feature, own_colors = np.median(self._own, axis=0).tolist()
         return feature - _OWN_SHARE * float(own_feature) + min(colors / float(own_colors) - 1, 0.0)
 
