@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from ssiam.geometry import iou
 
@@ -27,7 +29,8 @@ from benchmarks.common.data import RESERVE, sequences
 from benchmarks.common.loading import load
 from benchmarks.common.tables import head, line
 from benchmarks.lost.away_clips import KINDS, away_clips
-from benchmarks.lost.redetection import TRACKED, evaluate, ratio, share, tracked, verbose
+from benchmarks.lost.clips import AbsenceClip, Floats
+from benchmarks.lost.redetection import TRACKED, Case, evaluate, ratio, share, tracked, verbose
 
 LIMIT = 60  # frames until the target should be re-detected
 HEAD = (
@@ -73,6 +76,38 @@ def row(setting: str, kind: str, own: list[Result]) -> str:
     )
 
 
+def causes(
+    clip: AbsenceClip,
+    case: Case,
+    boxes: Floats,
+    lost: NDArray[np.bool_],
+    is_other: NDArray[np.bool_],
+) -> str:
+    """Why a case fails, from the boxes (N, 4) and `lost` (N,) of a run.
+
+    Another object is tracked because the tracker slid onto it without a loss, or because it was
+    taken for the target in the search. A target that is not re-detected was refused (a box is on
+    it, but reported as lost), or another object is tracked, or it was not found.
+    """
+    first, end = clip.absence
+    since_loss = np.cumsum(lost[first:]) > 0
+    slid = int((is_other & ~since_loss[10 : end - first]).sum())
+    overlap = iou(boxes, clip.truth)
+    false_lost = lost & (overlap > TRACKED)
+    found = int(min(end + case.found_after, len(lost)))
+    parts = [
+        f"others {int(is_other.sum())}: slid {slid}, found {int(is_other.sum()) - slid}",
+        f"false lost: before {int(false_lost[:end].sum())}, "
+        f"until re-detected {int(false_lost[end:found].sum())}, "
+        f"later {int(false_lost[found:].sum())}",
+    ]
+    if not case.found_after < LIMIT:
+        seen, unseen = overlap[end : end + LIMIT], lost[end : end + LIMIT]
+        refused, other = int((unseen & (seen > TRACKED)).sum()), int((~unseen).sum())
+        parts.append(f"not re-detected: refused {refused}, others {other} of {len(seen)}")
+    return "; ".join(parts)
+
+
 def parsed_arguments() -> argparse.Namespace:
     """Parse the command line."""
     parser = argparse.ArgumentParser(
@@ -81,7 +116,9 @@ def parsed_arguments() -> argparse.Namespace:
     parser.add_argument("--trackers", nargs="+", default=("lite",))
     parser.add_argument("--data", type=Path, default=RESERVE, help="folder of the sequences")
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
-    parser.add_argument("--verbose", action="store_true", help="print a line for every case")
+    parser.add_argument(
+        "--verbose", action="store_true", help="print a line for every case, and causes"
+    )
     return parser.parse_args()
 
 
@@ -116,7 +153,7 @@ def main() -> None:
                 )
             )
             if chosen.verbose:
-                print(f"{verbose(case)}, others {int(is_other.sum())}", flush=True)
+                print(f"{verbose(case)}; {causes(clip, case, boxes, lost, is_other)}", flush=True)
         for kind in dict.fromkeys(each.kind for each in results):
             rows.append(row(name, kind, [each for each in results if each.kind == kind]))
         rows.append(row(name, "all", results))

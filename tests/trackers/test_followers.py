@@ -276,6 +276,17 @@ def test_an_implausible_box_at_the_prediction_needs_a_high_score():
         assert len(tracker.searched) == searches
 
 
+def test_a_candidate_that_is_another_target_is_given_up():
+    tracker = GivenTracks(sought=[Track(FAR, 0.9)])
+    follower, _ = predictive(tracker, losses=44)
+    follower._candidate_xywh = FAR
+    follower._evidence.value = 0.5  # of the object that was compared last
+    track = follower.locate(FRAME, follower.advance(STILL), [FAR])
+    assert tracker.searched == [FAR]
+    assert track.lost
+    assert follower._candidate_xywh is None
+
+
 @pytest.mark.parametrize(("score", "plausible"), [(0.75, False), (0.7501, True), (0.0, False)])
 def test_certain_boxes_are_always_plausible(score, plausible):
     follower, _ = predictive(GivenTracks())

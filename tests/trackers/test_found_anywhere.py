@@ -5,8 +5,9 @@ import pytest
 
 from helpers.synthetic import world
 from ssiam import FrameView, StabilizedTracker, StabilizerConfig, Track
+from ssiam.motion import Motion
 from ssiam.trackers.global_search import GlobalSearch
-from ssiam.trackers.recognition import TargetRecognition
+from ssiam.trackers.recognition import Evidence, TargetRecognition
 from ssiam.trackers.scenes import SceneMemory
 
 SIZE = (320, 240)
@@ -98,12 +99,66 @@ def test_an_object_is_recognized_by_its_features():
     view, tracker, recognition = FrameView(frame), Features(), TargetRecognition()
     tracker.init(view, BOX)
     other = (20.0, 20.0, 32.0, 28.0)
-    assert recognition.is_target(tracker, view, other)  # nothing is known yet
+    assert not recognition.is_ready
     for _ in range(40):
         recognition.observe(tracker, view, BOX, 0.9)
-    assert recognition.is_target(tracker, view, BOX)
-    assert not recognition.is_target(tracker, view, other)
-    assert not recognition.is_target(tracker, view, (200.0, 180.0, 32.0, 28.0))
+    assert recognition.is_ready
+    assert recognition.likeness(tracker, view, BOX) == pytest.approx(0.5)
+    assert recognition.likeness(tracker, view, other) < 0
+    assert recognition.likeness(tracker, view, (200.0, 180.0, 32.0, 28.0)) < 0
+
+
+class SameFeatures(Features):
+    """All objects are the same to the network; their surroundings are not."""
+
+    def clone(self):
+        return SameFeatures()
+
+    def template_feature(self):
+        return np.array([1.0, 0.0]) if np.ptp(self.color) > 15 else np.array([0.0, 1.0])
+
+
+def test_objects_of_another_color_are_less_like_the_target():
+    frame = np.full((240, 320, 3), 100, np.uint8)
+    for left, color in ((120, (60, 60, 140)), (220, (30, 30, 100)), (20, (140, 60, 60))):
+        frame[90:118, left : left + 32] = color
+    view, tracker, recognition = FrameView(frame), SameFeatures(), TargetRecognition()
+    tracker.init(view, BOX)
+    for _ in range(40):
+        recognition.observe(tracker, view, BOX, 0.9)
+    same, dark, other = (
+        recognition.likeness(tracker, view, (float(left), 90.0, 32.0, 28.0))
+        for left in (120, 220, 20)
+    )
+    assert same == pytest.approx(0.5)
+    assert other < dark - 0.3
+    assert other < -0.3
+
+
+STILL = Motion.none(SIZE, reliable=True)
+
+
+def test_a_high_likeness_is_enough_and_one_at_the_limit_never():
+    assert Evidence().add(BOX, 0.36, 0.3)
+    evidence = Evidence()
+    assert not any(evidence.add(BOX, 0.3, 0.3) for _ in range(100))
+    assert not evidence.is_sure
+    assert [evidence.add(BOX, 0.33, 0.3) for _ in range(4)] == [False, True, True, True]
+    assert evidence.is_sure
+
+
+def test_refusals_count_against_an_object_until_a_cut():
+    evidence = Evidence()
+    for _ in range(20):
+        evidence.add(BOX, 0.0, 0.3)
+    assert evidence.value == -1
+    other = (200.0, 90.0, 32.0, 28.0)
+    assert evidence.add(other, 0.36, 0.3)
+    moved = Motion.from_transform(np.array([[1.0, 0, 60], [0, 1, 0], [0, 0, 1]]), SIZE)
+    evidence.advance(moved)
+    assert not evidence.add((180.0, 90.0, 32.0, 28.0), 0.36, 0.3)
+    evidence.advance(Motion.none(SIZE))
+    assert evidence.add((180.0, 90.0, 32.0, 28.0), 0.36, 0.3)
 
 
 def test_without_features_every_object_may_be_the_target():
@@ -111,7 +166,7 @@ def test_without_features_every_object_may_be_the_target():
     tracker.has_template_feature = False
     for _ in range(40):
         recognition.observe(tracker, FrameView(FRAME), BOX, 0.9)
-    assert recognition.is_target(tracker, FrameView(OTHER), BOX)
+    assert not recognition.is_ready
 
 
 class Described:

@@ -51,6 +51,18 @@ def test_redetection_takes_several_high_scores():
     assert lost_again.frames_lost < len(BAD)
 
 
+def test_a_confirmed_target_is_redetected_at_once():
+    loss = after(*GOOD, *BAD)
+    loss.confirm()
+    assert not loss.lost
+    assert loss.frames_lost == 0
+    loss.update(0.5)
+    assert not loss.lost
+    tracked = after(*GOOD)
+    tracked.confirm()
+    assert tracked._running == after(*GOOD)._running
+
+
 def test_hysteresis():
     """There are scores that neither lose a tracked target nor re-detect a lost one."""
     between = [

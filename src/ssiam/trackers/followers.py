@@ -25,7 +25,7 @@ from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.global_search import GlobalSearch
 from ssiam.trackers.lost import LossDetector, ReachableBox
 from ssiam.trackers.position_prior import near_prediction
-from ssiam.trackers.recognition import TargetRecognition
+from ssiam.trackers.recognition import Evidence, TargetRecognition
 from ssiam.trackers.responses import Response
 from ssiam.trackers.scenes import SceneMemory
 
@@ -45,6 +45,12 @@ _GLOBAL_TURNS: Final = (3, 4, 7)  # in the whole frame
 _UNSEEN: Final = 4  # frames without a likely box after which a box may be on another object
 _TAKEN: Final = 0.4  # IoU with another target from which an object is that target
 _SEARCH_DELAY: Final = 25  # frames from the loss of the target to the start of the search
+# Likeness that is neutral evidence for the target, from docs/decisions/0012.
+_NEAR_LIKENESS: Final = 0.12  # where the target can be
+_LATER_LIKENESS: Final = 0.21  # the same after a cut, or while it is searched for
+_FAR_LIKENESS: Final = 0.27  # elsewhere
+_PER_OCTAVE: Final = 0.1  # added for each factor of 2 of the size, beyond a factor of 1.4
+_GIVEN_UP: Final = -0.5  # evidence below which a candidate is dropped
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +237,10 @@ class PredictiveFollower:
         self._recognition = TargetRecognition()
         self._global_search = GlobalSearch()
         self._must_be_recognized = False  # the box may be on another object
+        self._is_cut = False  # a motion was not reliable since the target was tracked
+        self._evidence = Evidence()  # that it is on the target
+        self._candidate_xywh: XYWH | None = None  # found by the search, to be compared again
+        self._recognized_xywh: XYWH | None = None  # the target's box in this frame, if compared
         self._looks = 0  # number of searches around the last positions
         self._is_promising = False  # the last search found something at the prediction
 
@@ -245,10 +255,16 @@ class PredictiveFollower:
         if motion is None:
             raise ArgumentError('no motion given: stabilize="predict" needs that of each frame')
         self._reachable.advance(motion)
+        self._recognized_xywh = None
+        self._evidence.advance(motion)
+        is_unsure = self._loss.lost or self._must_be_recognized
+        self._is_cut = (self._is_cut and is_unsure) or not motion.reliable
         if not motion.reliable or self._reachable.frames_unseen >= _UNSEEN:
             self._must_be_recognized = True
         if motion.reliable:
             self._last_xywh = motion.map_box(self._last_xywh)
+            if self._candidate_xywh is not None:
+                self._candidate_xywh = motion.map_box(self._candidate_xywh)
         elif not self._loss.lost:  # a cut: the video may return to this scene later
             self._before_cut_xywh = self._last_xywh
         predicted = self._prediction.update(motion)
@@ -263,6 +279,8 @@ class PredictiveFollower:
             if not self._loss.lost:
                 self._looks = 0
                 self._global_search.restart()
+                if not self._must_be_recognized:
+                    self._evidence.restart()
             track = self._track(view, step.search_xywh)
             if self._gap_shift_xy is not None and self._tracker.can_seek:
                 track = self._after_gap(view, track, step.search_xywh, self._gap_shift_xy)
@@ -396,13 +414,16 @@ class PredictiveFollower:
         One place is searched in a frame, and in every eighth frame two. Returns the chosen track,
         and the box around the prediction, which is reported while the target is lost.
         """
+        if self._candidate_xywh is not None:
+            return self._compared_again(view, self._candidate_xywh, predicted_xywh, taken)
         turn = self._loss.frames_lost % _TURNS
         found, fallback_xywh = Track(predicted_xywh, 0.0), predicted_xywh
         if turn in _PREDICTED_TURNS or self._is_promising:
             predicted = self._seek(view, predicted_xywh)
             fallback_xywh = predicted.box
             self._is_promising = predicted.score > _LIKELY and self._is_plausible(predicted)
-            if self._is_promising and self._is_target(view, predicted, taken):
+            is_free = self._is_promising and not _is_taken(predicted, taken)
+            if is_free and self._is_target(view, predicted):
                 return predicted, fallback_xywh
             found = Track(fallback_xywh, 0.0) if self._is_promising else predicted
         if turn in _LAST_TURNS:
@@ -413,17 +434,55 @@ class PredictiveFollower:
         else:
             return found, fallback_xywh
         other = self._seek(view, window)
-        if other.score > _CERTAIN and self._is_target(view, other, taken):
-            self._loss.doubt()
-            return other, fallback_xywh
+        if other.score > _CERTAIN and not _is_taken(other, taken):
+            if self._is_target(view, other):
+                self._loss.doubt()
+                return other, fallback_xywh
+            if self._evidence.value > 0:
+                self._candidate_xywh = other.box
         return found, fallback_xywh
 
-    def _is_target(self, view: FrameView, track: Track, taken: Sequence[XYWH] = ()) -> bool:
-        """Whether what was found is the target, and not one of another tracker in `taken`."""
-        if any(float(iou(track.box, each)) > _TAKEN for each in taken):
-            return False
+    def _compared_again(
+        self, view: FrameView, xywh: XYWH, predicted_xywh: XYWH, taken: Sequence[XYWH]
+    ) -> tuple[Track, XYWH]:
+        """Follow a candidate of the search until it is recognized, or given up."""
+        track = self._seek(view, xywh)
+        is_free = track.score > _CERTAIN and not _is_taken(track, taken)
+        is_target = is_free and self._is_target(view, track)
+        is_open = is_free and self._evidence.value > _GIVEN_UP
+        self._candidate_xywh = None if is_target or not is_open else track.box
+        if is_target:
+            self._loss.doubt()
+            return track, predicted_xywh
+        return Track(predicted_xywh, 0.0), predicted_xywh
+
+    def _is_target(self, view: FrameView, track: Track) -> bool:
+        """Whether what was found is recognized as the target."""
+        if not self._recognition.is_ready:
+            self._must_be_recognized = False
+            return True
         stab_xywh = map_box(view.stab_from_raw, track.box)
-        return self._recognition.is_target(self._tracker, view, stab_xywh)
+        likeness = self._recognition.likeness(self._tracker, view, stab_xywh)
+        limit = self._neutral_likeness(track.box)
+        limit += _PER_OCTAVE * max(self._octaves(track.box) - 0.5, 0.0)
+        if not self._evidence.add(track.box, likeness, limit):
+            return False
+        self._must_be_recognized, self._recognized_xywh = False, track.box
+        self._reachable.take(track.box)
+        return True
+
+    def _neutral_likeness(self, xywh: XYWH) -> float:
+        """The likeness that is neutral evidence for an object at this place."""
+        if not self._reachable.contains(xywh):
+            return _FAR_LIKENESS
+        if self._is_searching or self._is_cut:
+            return _LATER_LIKENESS
+        return _NEAR_LIKENESS
+
+    def _octaves(self, xywh: XYWH) -> float:
+        """By how many factors of 2 a box's size differs from the target's last one."""
+        (_, _, w, h), (_, _, last_w, last_h) = xywh, self._last_xywh
+        return abs(math.log2(w * h / (last_w * last_h))) / 2
 
     def _observe(self, view: FrameView, track: Track) -> None:
         """Remember the scene and the look of a target that is tracked."""
@@ -441,14 +500,21 @@ class PredictiveFollower:
 
     def _update(self, view: FrameView, track: Track, fallback_xywh: XYWH) -> None:
         plausible = self._is_plausible(track)
-        if plausible and self._must_be_recognized and track.score > _LIKELY:
-            plausible = self._is_target(view, track)
-            self._must_be_recognized = not plausible
+        if plausible and not self._reachable.contains(track.box):
+            self._must_be_recognized = True
+        is_doubtful = self._must_be_recognized or self._loss.lost
+        if plausible and is_doubtful and track.score > _LIKELY:
+            must_be_recognized = self._must_be_recognized
+            recognized = track.box == self._recognized_xywh or self._is_target(view, track)
+            plausible = recognized or not must_be_recognized
         if self._config.predict.find:
             self._loss.update(track.score if plausible else 0.0)
-        if track.score > _LIKELY and not self._loss.lost:
-            self._reachable.observe(track.box)
+            is_recognized = track.box == self._recognized_xywh and track.score > _CONFIDENT
+            if is_recognized and self._evidence.is_sure:
+                self._loss.confirm()
         confident = track.score > _CONFIDENT
+        if plausible and track.score > _LIKELY and not self._loss.lost:
+            self._reachable.observe(track.box)
         self._is_redetected = confident and plausible
         if self._is_searching:
             self._prediction.move_to(track.box if confident else fallback_xywh)
@@ -468,3 +534,8 @@ class PredictiveFollower:
         reach = min(min_reach + _SEARCH_GROWTH * looks, max_reach) * math.sqrt(w * h)
         dx, dy = _SEARCH_PATTERN[looks % len(_SEARCH_PATTERN)]
         return x + dx * reach, y + dy * reach, w, h
+
+
+def _is_taken(track: Track, taken: Sequence[XYWH]) -> bool:
+    """Whether what was found is another target, by the boxes of the others."""
+    return any(float(iou(track.box, each)) > _TAKEN for each in taken)

@@ -56,6 +56,12 @@ class LossDetector:
         """Raise the threshold of re-detection for some time, as after blank frames."""
         self._found_above = _FOUND_ABOVE_BLANK
 
+    def confirm(self) -> None:
+        """Re-detect the target, which was recognized by other evidence than its score."""
+        if self.lost:
+            self.lost, self.frames_lost = False, 0
+            self._running = max(self._running, self._found_above)
+
     def skip_blank(self) -> None:
         """Add a blank frame, in which the target cannot be visible."""
         self._running *= _MEMORY
@@ -95,15 +101,19 @@ class ReachableBox:
     def observe(self, xywh: XYWH) -> None:
         """Take `xywh` as the target's box in this frame, if it is reachable."""
         if self.contains(xywh):
-            self._scene_xywh = self._frame_xywh = xywh
-            self.frames_unseen = 0
+            self.take(xywh)
+
+    def take(self, xywh: XYWH) -> None:
+        """Take `xywh` as the target's box in this frame."""
+        self._scene_xywh = self._frame_xywh = xywh
+        self.frames_unseen = 0
 
     def move_to(self, xywh: XYWH) -> None:
         """Assume that the unseen target is in `xywh` now."""
         self._scene_xywh = self._frame_xywh = xywh
 
     def contains(self, xywh: XYWH) -> bool:
-        """Whether the target can have the box `xywh` in this frame."""
+        """Whether the target is likely to have the box `xywh` in this frame."""
         if self.frames_unseen <= 1:
             return True
         distance = min(_distance(xywh, self._scene_xywh), _distance(xywh, self._frame_xywh))
