@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, map_box
+from ssiam.geometry import XYWH
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView
 from ssiam.trackers.base import CompleteTracker
@@ -145,7 +145,7 @@ class Evidence(DeepCopied):
         """Move on to the next frame, reached by `motion`."""
         if motion.reliable:
             for each in self._seen:
-                each.xywh = map_box(motion.cur_from_prev, each.xywh)
+                each.xywh = motion.map_box(each.xywh)
         else:
             self._seen = []
 
