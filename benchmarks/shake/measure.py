@@ -32,7 +32,7 @@ from ssiam.stabilize import METHODS, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker
 
-PARTS = ("choose", "speed", "turn", "trust", "find")
+PARTS = ("choose", "speed", "turn", "trust", "prefer", "find")
 WITHOUT = "predict without "
 SETTINGS = (*METHODS, *(WITHOUT + part for part in PARTS), TRUE_MOTION)
 BURN_IN = 10  # frames from each start on that accuracy leaves out
