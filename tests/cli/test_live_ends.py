@@ -25,7 +25,7 @@ import sys
 from helpers import failing_trackers
 from ssiam.cli import main, options
 failure = {"hang": failing_trackers.Hang(), "leave": failing_trackers.leave}[sys.argv[1]]
-options.TrackerOptions.load = lambda self, config: failing_trackers.failing_tracker(failure)
+options.TrackerOptions.load = lambda self, *_: failing_trackers.failing_tracker(failure)
 from ssiam.web import session
 session.Session.__init__.__kwdefaults__ = {"stall_seconds": 0.5}
 sys.exit(main(sys.argv[2:]))

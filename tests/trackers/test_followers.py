@@ -8,8 +8,9 @@ from ssiam.errors import ArgumentError
 from ssiam.geometry import map_box, rigid
 from ssiam.motion import Motion
 from ssiam.track import Track
-from ssiam.trackers.followers import FrameStep, PredictiveFollower, StabilizedFollower
+from ssiam.trackers.followers import FrameStep, StabilizedFollower
 from ssiam.trackers.lost import LossDetector
+from ssiam.trackers.predictive_follower import PredictiveFollower
 
 SIZE = (320, 240)
 FRAME = np.zeros((240, 320, 3), np.uint8)

@@ -34,11 +34,11 @@ from ssiam.trackers.followers import (
     Follower,
     FrameResponse,
     FrameStep,
-    PredictiveFollower,
     StabilizedFollower,
 )
 from ssiam.trackers.foreign import complete
 from ssiam.trackers.lost import LossDetector
+from ssiam.trackers.predictive_follower import PredictiveFollower
 
 # Score up to which the target is considered not visible in a frame whose motion is unknown. Scores
 # on noise are at most 0.08. With 0.3, a target would be held at its old position after a strong
