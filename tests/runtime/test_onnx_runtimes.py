@@ -1,6 +1,8 @@
 """OpenVINO and ONNX Runtime on NanoTrack's ONNX files: agreement, errors and caching."""
 
 import logging
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +21,10 @@ def cache(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def backbone(shared):
-    return shared("data/weights/nanotrackv2/nanotrack_backbone_sim.onnx")
+def backbone(shared, tmp_path):
+    """A copy, which other tests have not loaded before."""
+    path = shared("data/weights/nanotrackv2/nanotrack_backbone_sim.onnx")
+    return Path(shutil.copy(path, tmp_path / path.name))
 
 
 @pytest.mark.parametrize("side", [None, 127])
