@@ -14,8 +14,11 @@ from ssiam.trackers.lite import SHIPPED
 SHARED = Path(os.environ.get("SSIAM_SHARED", Path(__file__).parents[2] / "shared"))
 
 cv2.setNumThreads(1)
-# A shell starts background jobs with SIGINT ignored, and child processes inherit that.
+# A shell starts background jobs with SIGINT ignored, nohup ignores SIGHUP, and child processes
+# inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 # A busy machine is no failure.
 settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")

@@ -24,7 +24,8 @@ SHAKE = Motion.from_transform(rigid(9, -6, 0.02, (159.5, 119.5)), SIZE)
 class GivenTracks:
     """`track` returns `found`; `seek` the first of `sought`, and notes where it searched."""
 
-    can_seek, reseek_below, has_template_feature = True, 0.0, False
+    can_seek, reseek_below = True, 0.0
+    has_template_feature = has_responses = False
 
     def __init__(self, found=None, sought=()):
         self.found, self.sought = found or Track(BOX, 0.9), list(sought)
