@@ -131,7 +131,7 @@ def _on_cluster(
     cluster: str,
     failed: Callable[[Item, str], Result],
 ) -> Iterator[Result]:
-    from distributed import Client, as_completed
+    from distributed import Client, KilledWorker, as_completed
 
     try:
         client = Client(cluster, timeout=_CONNECT_TIMEOUT)
@@ -141,6 +141,15 @@ def _on_cluster(
         raise ArgumentError(f"no Dask scheduler answers at {name}; is it running?") from None
     with client:
         submitted = {client.submit(call, each, pure=False): each for each in items}
+        suspects = []
         for future in as_completed(list(submitted)):
             problem = future.exception()
-            yield failed(submitted[future], one_line(problem)) if problem else future.result()
+            if isinstance(problem, KilledWorker):
+                suspects.append(submitted[future])
+            else:
+                yield failed(submitted[future], one_line(problem)) if problem else future.result()
+        # The others waited on a worker that one of them has ended. Each is run again, alone.
+        for item in suspects:
+            future = client.submit(call, item, pure=False)
+            problem = future.exception()
+            yield failed(item, one_line(problem)) if problem else future.result()
