@@ -12,12 +12,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
 
 from ssiam.datasets import VideoSequence
 from ssiam.errors import ArgumentError, WeightsError
 from ssiam.outputs import make_folder, output_error
+from ssiam.trackers.fear import fear_pair
 from ssiam.trackers.nanotrack import onnx_pair
 from ssiam.training.config import config_text
 from ssiam.training.data.packing import Files, PackedCrop, draw_crops, source_files, window_around
@@ -31,8 +31,6 @@ CONFIG: Final = "config.toml"
 _HELD_OUT_SHARE: Final = 0.25  # of the bytes that the weights leave
 _HELD_OUT_FRAMES: Final = 20  # of each sequence at most
 _RESERVE: Final = 20_000  # bytes of the config and the lists of sources
-_FEAR: Final = ("fear_template.onnx", "fear_search.onnx")
-_QUALITY: Final = 80  # of JPEG, percent
 
 
 class PackSummary(NamedTuple):
@@ -126,8 +124,8 @@ def _weights(settings: TrainSettings) -> tuple[Files, TrainSettings]:
             files[f"weights/nanotrack/{path.name}"] = _read(path)
         teacher = replace(teacher, weights="weights/nanotrack")
         if teacher.fear is not None:
-            for name in _FEAR:
-                files[f"weights/fear/{name}"] = _read(Path(teacher.fear) / name)
+            for path in fear_pair(Path(teacher.fear)):
+                files[f"weights/fear/{path.name}"] = _read(path)
             teacher = replace(teacher, fear="weights/fear")
     return files, replace(settings, network=network, teacher=teacher, relative=True)
 
@@ -177,8 +175,7 @@ def _sequence_files(sequence: VideoSequence, folder: str, count: int) -> Files:
     files: Files = {}
     lines = []
     for number, (image, box) in enumerate(zip(images, boxes, strict=True), 1):
-        _, data = cv2.imencode(".jpg", window.cut(image), (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
-        files[f"{folder}/{number:08}.jpg"] = data.tobytes()
+        files[f"{folder}/{number:08}.jpg"] = window.jpeg(image)
         lines.append(
             "nan,nan,nan,nan"
             if box is None

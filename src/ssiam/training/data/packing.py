@@ -26,6 +26,7 @@ from ssiam.training.data.masks import Mask
 from ssiam.training.data.registry import SourceSettings
 from ssiam.training.data.sampling import TargetFrame, TargetSampler
 from ssiam.training.data.tracks import SingleImageTrack, Source
+from ssiam.video.mask_codec import run_lengths
 
 __all__ = ["CropWindow", "Files", "PackedCrop", "draw_crops", "source_files", "window_around"]
 
@@ -72,6 +73,10 @@ class CropWindow:
         part = image[self.y0 : self.y1, self.x0 : self.x1]
         resized = cv2.resize(part, self.size_wh, interpolation=cv2.INTER_AREA)
         return np.asarray(resized, dtype=np.uint8)
+
+    def jpeg(self, image: Image) -> bytes:
+        """The crop of a frame (H, W, 3), encoded."""
+        return _encoded(".jpg", self.cut(image), cv2.IMWRITE_JPEG_QUALITY, _QUALITY)
 
     def box(self, xywh: XYWH) -> XYWH:
         """A box of the frame in the crop."""
@@ -219,7 +224,7 @@ def _crop(target: TargetFrame, source: Source) -> PackedCrop:
         target.track.scene_ids[-1],
         target.t,
         window,
-        _encoded(".jpg", window.cut(target.image), cv2.IMWRITE_JPEG_QUALITY, _QUALITY),
+        window.jpeg(target.image),
         boxes,
         masks,
     )
@@ -325,18 +330,10 @@ def _image_files(crops: list[PackedCrop]) -> Files:
         for index, box in crop.boxes.items():
             entry: dict[str, Any] = {"image_id": number, "bbox": _rounded(box)}
             if index in crop.masks:
-                counts = _run_lengths(crop.masks[index])
+                counts = run_lengths(crop.masks[index].ravel(order="F"))
                 entry["segmentation"] = {"counts": counts, "size": [height, width]}
             annotations.append(entry)
     return {**files, _ANNOTATIONS: _json({"images": images, "annotations": annotations})}
-
-
-def _run_lengths(mask: Mask) -> list[int]:
-    """Lengths of the column-major runs, the first of background."""
-    flat = np.concatenate([[False], mask.T.ravel()])
-    changes = np.flatnonzero(flat[1:] != flat[:-1])
-    lengths: list[int] = np.diff([0, *changes, mask.size]).tolist()
-    return lengths
 
 
 def _grouped(crops: Iterable[PackedCrop], name: str) -> dict[Any, list[PackedCrop]]:
