@@ -143,13 +143,17 @@ def _on_cluster(
         submitted = {client.submit(call, each, pure=False): each for each in items}
         suspects = []
         for future in as_completed(list(submitted)):
-            problem = future.exception()
-            if isinstance(problem, KilledWorker):
+            if isinstance(future.exception(), KilledWorker):
                 suspects.append(submitted[future])
             else:
-                yield failed(submitted[future], one_line(problem)) if problem else future.result()
+                yield _result_on_cluster(submitted[future], future, failed)
         # The others waited on a worker that one of them has ended. Each is run again, alone.
         for item in suspects:
-            future = client.submit(call, item, pure=False)
-            problem = future.exception()
-            yield failed(item, one_line(problem)) if problem else future.result()
+            yield _result_on_cluster(item, client.submit(call, item, pure=False), failed)
+
+
+def _result_on_cluster(item: Item, future: Any, failed: Callable[[Item, str], Result]) -> Result:
+    """The result of a call, or that of its failure; waits for its end."""
+    problem = future.exception()
+    result: Result = failed(item, one_line(problem)) if problem else future.result()
+    return result
