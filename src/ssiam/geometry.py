@@ -165,6 +165,12 @@ def iou(xywh: ArrayLike, other: ArrayLike) -> Points:
     return np.asarray(intersection / np.where(union == 0, 1, union))
 
 
+def center_distance(xywh: XYWH, other_xywh: XYWH) -> float:
+    """Distance of the centers of two boxes, in sizes (square root of the area) of the second."""
+    (x, y, w, h), (u, v, p, q) = xywh, other_xywh
+    return math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2) / math.sqrt(p * q)
+
+
 def check_box(xywh: Sequence[float], size_wh: tuple[int, int]) -> XYWH:
     """Check a target box.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, center_distance
 from ssiam.motion import Motion
 
 _MEMORY: Final = 0.65  # weight of the past in the running score
@@ -122,6 +122,6 @@ class ReachableBox:
 
 def _distance(xywh: XYWH, last_xywh: XYWH) -> float:
     """The larger of two boxes' differences in position and in size, in target sizes."""
-    (x, y, w, h), (u, v, p, q) = xywh, last_xywh
-    shift = math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2) / math.sqrt(p * q)
-    return max(shift, _SIZE_WEIGHT * abs(math.log2(w * h / (p * q))) / 2)
+    (_, _, w, h), (_, _, p, q) = xywh, last_xywh
+    octaves = abs(math.log2(w * h / (p * q))) / 2
+    return max(center_distance(xywh, last_xywh), _SIZE_WEIGHT * octaves)

@@ -209,7 +209,7 @@ class PredictiveFollower:
 
     def _updated(self, view: FrameView, search_xywh: XYWH) -> Track:
         """The tracker's result in the view."""
-        if not (self._tracker.has_responses and self._config.predict.prefer):
+        if not self._tracker.has_responses:
             return self._tracker.update(view)
         response = self._response(view, search_xywh)
         return self._tracker.accept(view, response, response.best)

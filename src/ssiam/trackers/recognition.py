@@ -8,7 +8,6 @@ up the comparisons of successive frames. Nothing is tracked with them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from ssiam.copying import DeepCopied
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, center_distance
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView
 from ssiam.trackers.base import CompleteTracker
@@ -158,8 +157,10 @@ class Evidence(DeepCopied):
 
         Returns whether the object is recognized.
         """
-        near = [each for each in self._seen if _distance(xywh, each.xywh) < _SAME_OBJECT]
-        before = min(near, key=lambda each: _distance(xywh, each.xywh), default=_Seen(xywh, 0.0))
+        near = [each for each in self._seen if center_distance(xywh, each.xywh) < _SAME_OBJECT]
+        before = min(
+            near, key=lambda each: center_distance(xywh, each.xywh), default=_Seen(xywh, 0.0)
+        )
         value = before.value + _PER_LIKENESS * (likeness - limit)
         self.value = min(max(value, _LEAST), _SURE)
         others = [each for each in self._seen if each is not before]
@@ -170,12 +171,6 @@ class Evidence(DeepCopied):
     def is_sure(self) -> bool:
         """Whether the last object is recognized twice over."""
         return self.value >= _SURE
-
-
-def _distance(xywh: XYWH, last_xywh: XYWH) -> float:
-    """Distance of the centers of two boxes, in sizes of the second one."""
-    (x, y, w, h), (u, v, p, q) = xywh, last_xywh
-    return math.hypot(x + w / 2 - u - p / 2, y + h / 2 - v - q / 2) / math.sqrt(p * q)
 
 
 def _similarity(sample: _Sample, samples: Sequence[_Sample]) -> tuple[float, float]:
