@@ -131,7 +131,7 @@ def live(
     rerun
         File for the Rerun viewer, .rrd, to which frames, boxes and camera motion are logged.
     static_area
-        What moves with the camera, such as the own vehicle, a display or a logo, and is left out of
+        What moves with the camera, such as your vehicle, a display or a logo, and is left out of
         the camera motion: x,y,width,height in pixels, or @FILE with an image of the frames' size
         that is not black there. Repeat for further areas.
     """

@@ -28,7 +28,7 @@ _FORMS: Final = "give x,y,width,height in pixels, such as 0,600,1280,120, or @FI
 
 @dataclass(frozen=True, eq=False)
 class StaticAreas:
-    """Areas that move with the camera, such as the own vehicle or a display.
+    """Areas that move with the camera, such as your vehicle or a display.
 
     Attributes
     ----------

@@ -142,7 +142,7 @@ def track(
         LOW,HIGH: the values shown as black and as white, for sources with more than 8 bits per
         value, such as thermal cameras: 7000,8500. By default estimated from the first frames.
     static_area
-        What moves with the camera, such as the own vehicle, a display or a logo, and is left out of
+        What moves with the camera, such as your vehicle, a display or a logo, and is left out of
         the camera motion: x,y,width,height in pixels, or @FILE with an image of the frames' size
         that is not black there. Repeat for further areas.
     """

@@ -68,7 +68,7 @@ class CameraMotion(DeepCopied):
     spread : bool
         Whether only the strongest keypoint of each of 16x12 cells is used; not used by "direct".
     mask : (H, W) bool or uint8, or callable, optional
-        Set (not 0) where the frames show what moves with the camera, such as the own vehicle or a
+        Set (not 0) where the frames show what moves with the camera, such as your vehicle or a
         display; raw-frame pixels. These pixels are not used. A callable makes it at the first
         frame, of (width, height).
 

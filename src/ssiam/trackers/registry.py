@@ -115,7 +115,7 @@ def load_tracker(
         Whether the tracker recognizes objects like its target by their positions
         (`ssiam.trackers.distractors`); by default only lite. Not for csrt, kcf and mil.
     static_mask : (H, W) bool or uint8, or callable, optional
-        Set (not 0) where the frames show what moves with the camera, such as the own vehicle or a
+        Set (not 0) where the frames show what moves with the camera, such as your vehicle or a
         display; see `CameraMotion`.
 
     Returns
