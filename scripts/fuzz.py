@@ -4,12 +4,14 @@
 
 Prints the number of inputs by reader; each exception that is not a `SsiamError` once, with a file
 that holds the input (build/fuzz/); inputs over two seconds of process time; and the growth of the
-memory after the first pass over all readers. The exit code is 1 if there was any of these.
+memory after the first pass over all readers. The exit code is 1 if there was any of these. An input
+that takes minutes ends the process; it is in build/fuzz/current, and the stack in build/fuzz/stack.
 """
 
 from __future__ import annotations
 
 import collections
+import faulthandler
 import logging
 import os
 import sys
@@ -19,6 +21,7 @@ import traceback
 import warnings
 from pathlib import Path
 from random import Random
+from typing import TextIO
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "src")]
@@ -30,6 +33,8 @@ from fuzz.targets import all_targets  # noqa: E402
 _MAX_SECONDS = 2.0  # of process time for one input
 _MAX_GROWTH = 300.0  # MB
 _WARM_UP = 2000  # inputs, after which the memory is compared
+_CHECK_EVERY = 500  # inputs
+_HANG = 300.0  # s of `_CHECK_EVERY` inputs; they take a few seconds
 
 
 def main(minutes: float = 10.0, seed: int = 0) -> int:
@@ -43,18 +48,22 @@ def main(minutes: float = 10.0, seed: int = 0) -> int:
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         targets = all_targets(Path(name))
         try:
-            return _run(targets, minutes, seed, found)
+            with (found / "stack").open("w") as stack:
+                return _run(targets, minutes, seed, found, stack)
         finally:
+            faulthandler.cancel_dump_traceback_later()
             for target in targets:
                 target.close()
 
 
-def _run(targets: list[Target], minutes: float, seed: int, found: Path) -> int:
+def _run(targets: list[Target], minutes: float, seed: int, found: Path, stack: TextIO) -> int:
     random, counts = Random(seed), collections.Counter[str]()
     faults: set[tuple[str, str]] = set()
     shares = [target.share for target in targets]
     start, base, peak, total = time.monotonic(), 0.0, 0.0, 0
     while time.monotonic() - start < 60 * minutes:
+        if total % _CHECK_EVERY == 0:
+            faulthandler.dump_traceback_later(_HANG, file=stack, exit=True)
         (target,) = random.choices(targets, shares)
         data = mutated(random, random.choice(target.seeds))
         (found / "current").write_bytes(data)  # survives a crash of the process
@@ -67,7 +76,7 @@ def _run(targets: list[Target], minutes: float, seed: int, found: Path) -> int:
             _report(target, f"{type(error).__name__}", _place(error), data, faults, found, error)
         if seconds > _MAX_SECONDS:
             _report(target, f"{seconds:.1f} s", "slow", data, faults, found)
-        if total % 500 == 0:
+        if total % _CHECK_EVERY == 0:
             memory = _memory()
             base = memory if total <= _WARM_UP else base
             if memory - base > max(peak, _MAX_GROWTH):

@@ -43,6 +43,8 @@ def folder(clip, tmp_path, monkeypatch):
     Path("master.m3u8").write_text("#EXTM3U\n#EXT-X-STREAM-INF:BANDWIDTH=1\nlist.m3u8\n")
     segment = '#EXT-X-MAP:URI="hard.mp4"\n#EXTINF:1.3,\nseg.m4s\n'
     Path("list.m3u8").write_text(f"#EXTM3U\n#EXT-X-TARGETDURATION:5\n{segment}")
+    # It lists itself under a name that would grow with each reading.
+    Path("cycle.m3u8").write_text("#EXTM3U\nframes/../cycle.m3u8\nhard.mp4\n")
     Path("results.csv").write_text("frame,time\n")
     Path("results.xml").symlink_to("results.csv")
     return tmp_path
@@ -66,6 +68,7 @@ INPUTS = [
     ("address of a file", ("track", "FILE://clip.mp4", *TRACK, "--out", "clip.mp4"), "--out"),
     ("list", ("track", "list.ffconcat", *TRACK, "--out", "link.mp4"), "the source clip.mp4"),
     ("playlist", ("track", "master.m3u8", *TRACK, "--out", "clip.mp4"), "the source hard.mp4"),
+    ("cycle", ("track", "cycle.m3u8", *TRACK, "--out", "clip.mp4"), "the source hard.mp4"),
     ("frame", ("track", "frames", *TRACK, "--plot", "frames/1.png"), "--plot frames/1.png"),
     ("hard link of a frame", ("track", "frames", *TRACK, "--results", "hard.csv"), "hard.csv"),
     ("would be a frame", ("track", "frames", *TRACK, "--plot", "frames/p.png"), "read as a frame"),

@@ -47,6 +47,9 @@ _WORDS = (
 )
 
 
+_STRETCHED = tuple(bytes([each]) for each in b" \t\n,;:@?#=/.'\"()[]{}<>&\\-09a")
+
+
 def mutated(random: Random, seed: bytes) -> bytes:
     """`seed` with one to four damages."""
     data = seed
@@ -91,6 +94,13 @@ def _repeated(random: Random, data: bytes) -> bytes:
     return data[:start] + part * random.choice((2, 20, 300)) + data[start:]
 
 
+def _stretched(random: Random, data: bytes) -> bytes:
+    """One character many times, on which a search that starts again and again stands out."""
+    start, count = random.randrange(len(data) + 1), random.choice((5_000, _MAX_BYTES))
+    character = random.choice((*_STRETCHED, data[start : start + 1]))
+    return data[:start] + character * count + data[start:][: random.choice((0, _MAX_BYTES))]
+
+
 def _number_bytes(random: Random, data: bytes) -> bytes:
     """A binary number of 2 or 4 bytes replaced by an extreme one."""
     start, size = random.randrange(len(data) + 1), random.choice((2, 4, 8))
@@ -102,5 +112,5 @@ def _number_bytes(random: Random, data: bytes) -> bytes:
 
 _DAMAGES: tuple[Callable[[Random, bytes], bytes], ...] = (
     *(_flipped, _flipped, _truncated, _removed, _inserted),
-    *(_renumbered, _renumbered, _repeated, _number_bytes),
+    *(_renumbered, _renumbered, _repeated, _stretched, _number_bytes),
 )

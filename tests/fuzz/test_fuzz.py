@@ -17,6 +17,23 @@ from fuzz.target import failure
 from fuzz.targets import all_targets
 
 CORPUS = Path(__file__).parent / "corpus"
+STRETCHED_BYTES = 250_000
+# Target, index of its seed, the place in it, and what is repeated there. With a search that starts
+# again at each character, each of these would take minutes.
+STRETCHED = (
+    ("MOT seqinfo", 0, b"MOT17-02", b" "),
+    ("MOT seqinfo", 0, b"[Sequence]", b"a "),
+    ("playlist", 0, b"#EXTM3U", b"\n"),
+    ("playlist", 1, b"version 1.0\n", b"\n"),
+    ("playlist", 1, b"file clip", b" "),
+    ("playlist", 0, b"#EXTM3U\n", b'URI="'),
+    ("checkpoint", 1, b"ccollection", b","),
+    ("checkpoint", 1, b"ccollections\n", b","),
+    ("TraX", 0, b"@@TRAX:initialize ", b'\\"'),
+    ("TraX", 0, b"@@TRAX:initialize ", b'"\\'),
+    ("gyro log", -1, b"time", b" "),
+    ("gyro log", -1, b"time", b" ("),
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +70,13 @@ def test_valid_inputs(targets):
 def test_inputs_that_were_found(targets, path):
     target = targets[path.name.partition("--")[0]]
     assert failure(target, path.read_bytes()) is None
+
+
+@pytest.mark.parametrize("tail", ["", "as it was"])
+@pytest.mark.parametrize(("name", "seed", "after", "repeated"), STRETCHED)
+def test_stretched_inputs_are_read_in_linear_time(targets, name, seed, after, repeated, tail):
+    valid = targets[name].seeds[seed]
+    place = valid.index(after) + len(after)
+    rest = valid[place:] if tail else b""
+    data = valid[:place] + repeated * (STRETCHED_BYTES // len(repeated)) + rest
+    assert failure(targets[name], data) is None

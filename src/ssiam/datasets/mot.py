@@ -46,6 +46,9 @@ _IMAGES: Final = "img1"
 _ORIGIN: Final = 1
 _MAX_DEPTH: Final = 2  # folders between the dataset and its clips: MOT17/train/MOT17-02-FRCNN
 _MAX_BYTES: Final = 64 * 1024 * 1024  # of gt.txt; the largest of MOT20 has 30 million
+# Bytes of seqinfo.ini; those of the challenge have 150. `configparser` takes a time that grows with
+# the square of a line's length.
+_MAX_INFO_BYTES: Final = 4096
 _MIN_COLUMNS, _MAX_COLUMNS = 6, 10
 _FLAG, _CLASS, _VISIBILITY = 6, 7, 8  # columns, from 0
 # Moving classes of MOT16, MOT17 and MOT20: pedestrian, person on a vehicle, car, bicycle,
@@ -271,7 +274,7 @@ def _info(path: Path) -> Mapping[str, str]:
         return {}
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     try:
-        parser.read_string(read_text(path))
+        parser.read_string(read_text(path, _MAX_INFO_BYTES))
     except configparser.Error as error:
         reason = str(error).splitlines()[0]
         raise DatasetError(f"{path}: is not an .ini file ({reason}); remove it") from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -19,7 +18,6 @@ _GYROFLOW_COLUMNS: Final = ("t", "gx", "gy", "gz")
 _BETAFLIGHT_COLUMNS: Final = ("time", "gyroADC[0]", "gyroADC[1]", "gyroADC[2]")
 _MICROSECOND: Final = 1e-6
 _LARGEST: Final = 1e15  # of a number in a log
-_UNIT: Final = re.compile(r"^(.*?)\s*(?:\(([^()]*)\))?$")  # name (unit)
 
 
 def read_gyro(path: str | Path) -> GyroTrack:
@@ -92,12 +90,10 @@ def _betaflight(path: Path, lines: Sequence[str]) -> GyroTrack:
     for number, line in enumerate(lines):
         if "gyroADC[0]" not in line:
             continue
-        matches = [_UNIT.match(cell) for cell in _cells(line)]
-        names = ["" if match is None else match[1] for match in matches]
-        columns = _columns(path, names, _BETAFLIGHT_COLUMNS)
-        match = matches[columns[1]]
-        unit = "" if match is None else match[2]
-        scale = 1.0 if unit == "rad/s" else math.pi / 180
+        heads = [cell.partition("(") for cell in _cells(line)]  # name (unit)
+        columns = _columns(path, [name.rstrip() for name, _, _ in heads], _BETAFLIGHT_COLUMNS)
+        unit = heads[columns[1]][2]
+        scale = 1.0 if unit == "rad/s)" else math.pi / 180
         values = _values(path, lines, number + 1, columns) * (_MICROSECOND, *3 * [scale])
         roll_pitch_yaw = _track(path, values)
         return roll_pitch_yaw.oriented("YZX")

@@ -33,7 +33,8 @@ _LEGACY_PICKLES: Final = 5  # before the numbers of a file in the legacy format
 # Operations of pickles that name code or other objects; names of Python's have less than 100
 _NAMING: Final = frozenset({"GLOBAL", "INST", "PERSID", "STACK_GLOBAL"})
 _MAX_NAME: Final = 300  # characters
-_LINE_END: Final = b"\n"  # of a name that goes on to the end of the file, as PyTorch reads it
+# Ends the two names of an operation that go on to the end of the file, as PyTorch reads them.
+_LINE_ENDS: Final = b"\n\n"
 _MAX_KEY: Final = 40  # characters of a key that a message quotes
 _WRAPPERS: Final = ("state_dict", "model")  # keys under which training scripts store the weights
 
@@ -219,9 +220,9 @@ def _check_names(path: Path) -> None:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 name = next(each for each in archive.namelist() if each.endswith("/data.pkl"))
-                pickles = [BytesIO(archive.read(name) + _LINE_END)]
+                pickles = [BytesIO(archive.read(name) + _LINE_ENDS)]
         else:
-            pickles = [BytesIO(path.read_bytes() + _LINE_END)] * _LEGACY_PICKLES
+            pickles = [BytesIO(path.read_bytes() + _LINE_ENDS)] * _LEGACY_PICKLES
         for pickle in pickles:
             for operation, argument, _ in pickletools.genops(pickle):
                 if operation.name in _NAMING and len(str(argument)) > _MAX_NAME:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -37,7 +36,7 @@ def check_distinct_from_source(
         check_distinct(outputs, inputs)
         return
     images = _images(path) if path.is_dir() else []
-    files = (path, *images, *_listed(path, {path}))
+    files = (path, *images, *_listed(path))
     check_distinct(outputs, [*(("the source", each) for each in files), *inputs])
     for option, output in outputs:
         if images and _would_be_read(output, path):
@@ -64,15 +63,30 @@ def _images(folder: Path) -> list[Path]:
         return []
 
 
-def _listed(path: Path, visited: set[Path]) -> list[Path]:
-    """The files that a playlist lists, including those of nested playlists."""
+def _listed(path: Path) -> list[Path]:
+    """The existing files that a playlist lists, including those of nested playlists."""
     found: list[Path] = []
-    for name in _names_in(path):
-        file = path.parent / name
-        if file not in visited:
-            visited.add(file)
-            found += [file, *_listed(file, visited)]
+    visited = {_identity(str(path))}
+    waiting = [path]
+    while waiting:
+        playlist = waiting.pop()
+        folder = str(playlist.parent)
+        for name in dict.fromkeys(_names_in(playlist)):
+            identity = _identity(os.path.join(folder, name))
+            if identity is not None and identity not in visited:
+                visited.add(identity)
+                found.append(playlist.parent / name)
+                waiting.append(found[-1])
     return found
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    """Device and number of a file, which are the same under all its names; None without one."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _names_in(path: Path) -> list[str]:
@@ -86,10 +100,13 @@ def _names_in(path: Path) -> list[str]:
             text = text.replace("\0", "")  # no file has such a name
     except OSError:  # reported when it is opened
         return []
+    lines = [line.strip() for line in text.splitlines()]
     if head == _FFCONCAT:
-        return [name.strip(" '\"") for name in re.findall(r"(?m)^\s*file\s+(.+?)\s*$", text)]
-    entries = re.findall(r'(?m)^(?!#)\s*(\S.*?)\s*$|URI="([^"]+)"', text)
-    return [line or attribute for line, attribute in entries]
+        entries = [line.split(None, 1) for line in lines]
+        return [each[1].strip(" '\"") for each in entries if len(each) == 2 and each[0] == "file"]
+    names = [line for line in lines if line and not line.startswith("#")]
+    attributes = [each.partition('"') for each in text.split('URI="')[1:]]
+    return names + [name for name, quote, _ in attributes if name and quote]
 
 
 def _would_be_read(output: Path, folder: Path) -> bool:

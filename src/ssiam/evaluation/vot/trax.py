@@ -38,7 +38,9 @@ _HOST, _CONNECT_TIMEOUT = "127.0.0.1", 10.0  # seconds
 _READ_BYTES = 1 << 16
 _MAX_LINE = 1 << 20  # bytes; a polygon of a thousand corners has 20,000
 _MESSAGE, _START, _QUIT = b"@@TRAX:", b"@@TRAX:initialize", b"@@TRAX:quit"
-_ARGUMENT = re.compile(rb'"((?:[^"\\]|\\.)*)"')
+# An argument and its closing quote. Without one the argument goes on to the end of the line: no part
+# of the line is read twice.
+_ARGUMENT = re.compile(rb'"((?:[^"\\]|\\.?)*)("?)')
 _REGION = re.compile(rb"\s*-?[0-9][0-9.eE+-]*(\s*,\s*-?[0-9][0-9.eE+-]*){3,}\s*")
 # Environment variable of libtrax: the descriptor to write to in place of standard output.
 _OUT_VARIABLE = "TRAX_OUT"
@@ -213,9 +215,11 @@ def _is_readable(line: bytes) -> bool:
     """Whether libtrax can read a line: other output, or a message with whole arguments."""
     if not line.startswith(_MESSAGE):
         return b'"' not in line
-    words = _ARGUMENT.findall(line)
-    if b"" in words or b'"' in _ARGUMENT.sub(b"", line):
-        return False
+    words: list[bytes] = []
+    for argument in _ARGUMENT.finditer(line):
+        if not argument[1] or not argument[2]:
+            return False
+        words.append(argument[1])
     # The official client sends a start without a region before one with a polygon.
     is_start = line.startswith(_START) and bool(words)
     return not is_start or _REGION.fullmatch(words[0]) is not None
