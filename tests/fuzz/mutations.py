@@ -96,7 +96,7 @@ def _repeated(random: Random, data: bytes) -> bytes:
 
 def _stretched(random: Random, data: bytes) -> bytes:
     """One character many times, on which a search that starts again and again stands out."""
-    start, count = random.randrange(len(data) + 1), random.choice((5_000, _MAX_BYTES))
+    start, count = random.randrange(len(data) + 1), random.choice((5_000, 5_000, _MAX_BYTES))
     character = random.choice((*_STRETCHED, data[start : start + 1]))
     return data[:start] + character * count + data[start:][: random.choice((0, _MAX_BYTES))]
 

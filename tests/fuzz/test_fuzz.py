@@ -21,18 +21,13 @@ STRETCHED_BYTES = 250_000
 # Target, index of its seed, the place in it, and what is repeated there. With a search that starts
 # again at each character, each of these would take minutes.
 STRETCHED = (
-    ("MOT seqinfo", 0, b"MOT17-02", b" "),
-    ("MOT seqinfo", 0, b"[Sequence]", b"a "),
+    ("MOT seqinfo", 0, b"imH", b" "),
     ("playlist", 0, b"#EXTM3U", b"\n"),
     ("playlist", 1, b"version 1.0\n", b"\n"),
     ("playlist", 1, b"file clip", b" "),
-    ("playlist", 0, b"#EXTM3U\n", b'URI="'),
     ("checkpoint", 1, b"ccollection", b","),
-    ("checkpoint", 1, b"ccollections\n", b","),
-    ("TraX", 0, b"@@TRAX:initialize ", b'\\"'),
-    ("TraX", 0, b"@@TRAX:initialize ", b'"\\'),
-    ("gyro log", -1, b"time", b" "),
-    ("gyro log", -1, b"time", b" ("),
+    ("TraX", 0, b'@@TRAX:initialize "', b'\\"'),
+    ("gyro log", 1, b"gyroADC[0]", b" "),
 )
 
 

@@ -100,11 +100,11 @@ def _names_in(path: Path) -> list[str]:
             text = text.replace("\0", "")  # no file has such a name
     except OSError:  # reported when it is opened
         return []
-    lines = [line.strip() for line in text.splitlines()]
+    lines = [stripped for line in text.splitlines() if (stripped := line.strip())]
     if head == _FFCONCAT:
         entries = [line.split(None, 1) for line in lines]
         return [each[1].strip(" '\"") for each in entries if len(each) == 2 and each[0] == "file"]
-    names = [line for line in lines if line and not line.startswith("#")]
+    names = [line for line in lines if not line.startswith("#")]
     attributes = [each.partition('"') for each in text.split('URI="')[1:]]
     return names + [name for name, quote, _ in attributes if name and quote]
 

@@ -38,8 +38,8 @@ _HOST, _CONNECT_TIMEOUT = "127.0.0.1", 10.0  # seconds
 _READ_BYTES = 1 << 16
 _MAX_LINE = 1 << 20  # bytes; a polygon of a thousand corners has 20,000
 _MESSAGE, _START, _QUIT = b"@@TRAX:", b"@@TRAX:initialize", b"@@TRAX:quit"
-# An argument and its closing quote. Without one the argument goes on to the end of the line: no part
-# of the line is read twice.
+# An argument and its closing quote. Without one the argument goes on to the end of the line, and no
+# part of the line is read twice.
 _ARGUMENT = re.compile(rb'"((?:[^"\\]|\\.?)*)("?)')
 _REGION = re.compile(rb"\s*-?[0-9][0-9.eE+-]*(\s*,\s*-?[0-9][0-9.eE+-]*){3,}\s*")
 # Environment variable of libtrax: the descriptor to write to in place of standard output.
