@@ -214,6 +214,11 @@ class LiteTracker(SiameseTracker[_Target]):
 
     has_responses = True
 
+    @property
+    def box_mask(self) -> BoxMask | None:
+        """The network for masks, if the weights have one and masks are asked for."""
+        return self._box_mask
+
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_reported_xywh(xywh)
