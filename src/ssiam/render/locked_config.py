@@ -67,7 +67,7 @@ class LockedConfig:
     position: Position = "middle"
     target_share: float = 0.35
     max_zoom: float = 4.0
-    tolerance: float = 0.07
+    tolerance: float = 0.04
     max_speed: float = 3.0
     max_acceleration: float = 40.0
     max_zoom_speed: float = 2.0
