@@ -21,7 +21,7 @@ from ssiam.geometry import iou
 
 # Mean IoU of a mask's bounds with the keyframes' boxes, from which masks are used, and from which
 # they have their largest weight. Chosen on videos of DAVIS, SoccerNet and MOTChallenge.
-_LEAST_FIT, _GOOD_FIT = 0.7, 0.8
+_LEAST_FIT, _GOOD_FIT = 0.8, 0.85
 _MASK_SHARE: Final = 0.5  # largest weight of the masks' edges; the others are the track's
 
 
