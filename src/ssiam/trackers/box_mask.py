@@ -87,8 +87,7 @@ class BoxMask:
             x, y, w, h of the mask above each of `BOUNDS_THRESHOLDS`; nan where it is empty.
         """
         crop_xywh = enlarged(xywh)
-        fill = view.raw.mean(axis=(0, 1))
-        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
+        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), view.mean_color).image
         (logits,) = self.network(crop_tensor(crop))
         cells = np.array(
             [
