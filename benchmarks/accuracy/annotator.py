@@ -10,11 +10,14 @@ the tracker, the first of "look here" (the worst one if there is none).
 
 Interpolation is what annotation tools do: x, y, w and h are straight lines between keyframes, and
 constant before the first and after the last. The tracker is that of `ssiam track --corrections`:
-runs from each keyframe to the next and to the one before it, blended.
+runs from each keyframe to the next and to the one before it, blended, with the edges of the masks
+in the blended boxes; --no-masks leaves these out. A mask is computed again where the IoU of its box
+with the next round's is below .95.
 
-The numbers of the blend (`src/ssiam/exchange/blending.py`) were chosen on ten held-out videos of
-DAVIS; --data gives their folder. The default, the reserve, chooses nothing. Needs the folder of
-test data (see benchmarks/common/data.py).
+The numbers of the blend and of the masks (`blending.py` and `mask_edges.py` in
+`src/ssiam/exchange`) were chosen on ten held-out videos of DAVIS, those of the masks also on tracks
+of SNMOT-116 and ADL-Rundle-6; --data gives their folder. The default, the reserve, chooses nothing.
+Needs the folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
@@ -32,9 +35,20 @@ from numpy.typing import NDArray
 
 import ssiam
 from ssiam.datasets import VideoSequence
-from ssiam.exchange import Blend, Keyframe, Run, Section, blend, doubtful_frames, sections
+from ssiam.exchange import (
+    Blend,
+    Keyframe,
+    Run,
+    Section,
+    blend,
+    doubtful_frames,
+    sections,
+    with_mask_edges,
+)
 from ssiam.exchange.blending import SETTLING_UPDATES
 from ssiam.geometry import Image, iou
+from ssiam.stabilize import FrameView
+from ssiam.trackers.box_mask import BoxMask
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.common.data import RESERVE, sequences
@@ -43,6 +57,7 @@ from benchmarks.common.tables import line
 
 Boxes = NDArray[np.float64]
 Method = Callable[[Sequence[int]], tuple[Boxes, Sequence[int]]]
+SAME_CROP = 0.95  # IoU of boxes whose masks are the same
 HEAD = "| sequence | frames | interpolation | tracked | IoU >= {:g} after the first box |"
 
 
@@ -50,9 +65,16 @@ class TrackedClip:
     """Runs of a tracker from any frame of a clip, each continued only as far as it is needed."""
 
     def __init__(
-        self, tracker: ssiam.StabilizedTracker, sequence: VideoSequence, frames: int
+        self,
+        tracker: ssiam.StabilizedTracker,
+        sequence: VideoSequence,
+        frames: int,
+        *,
+        has_masks: bool = True,
     ) -> None:
         self._tracker = tracker
+        self._box_mask = tracker.view_tracker.box_mask if has_masks else None
+        self._bounds: dict[int, tuple[Boxes, Boxes]] = {}
         self._images: list[Image] = list(sequence.images())[:frames]
         self.truth = _upright(np.asarray(sequence.truth[:frames], np.float64))
         self._running: dict[tuple[int, int], tuple[ssiam.StabilizedTracker, list[ssiam.Track]]] = {}
@@ -82,7 +104,20 @@ class TrackedClip:
         (section,) = sections(given, 0, len(self.truth) - 1)
         ahead = {a: self.run(a, b, 1) for a, b in section.forward_ends().items()}
         back = {a: self.run(a, b, -1) for a, b in section.backward_ends().items()}
-        return section, blend(section, ahead, back)
+        track = blend(section, ahead, back)
+        if self._box_mask is None:
+            return section, track
+        bounds = [
+            self._mask_bounds(self._box_mask, index, box) for index, box in enumerate(track.boxes)
+        ]
+        return section, with_mask_edges(section, track, np.array(bounds))
+
+    def _mask_bounds(self, box_mask: BoxMask, index: int, box: Boxes) -> Boxes:
+        """Bounds of the mask in a box of a frame, or in one that is nearly the same."""
+        if index not in self._bounds or iou(self._bounds[index][0], box) < SAME_CROP:
+            view = FrameView(self._images[index], border=0)
+            self._bounds[index] = box, box_mask.bounds(view, _xywh(box))
+        return self._bounds[index][1]
 
     def tracked(self, keyframes: Sequence[int]) -> tuple[Boxes, Sequence[int]]:
         """The boxes of `blended`, and the frames of "look here"."""
@@ -149,6 +184,7 @@ def parsed_arguments() -> argparse.Namespace:
     parser.add_argument("--iou", type=float, default=0.8)
     parser.add_argument("--share", type=float, default=0.95)
     parser.add_argument("--order", choices=("worst", "doubt"), default="worst")
+    parser.add_argument("--no-masks", action="store_true", help="boxes of the tracker alone")
     return parser.parse_args()
 
 
@@ -164,7 +200,7 @@ def main() -> None:
     print("|---" * (head.count("|") - 1) + "|")
     totals = np.zeros(2, int)
     for sequence in sequences(chosen.data).values():
-        clip = TrackedClip(tracker, sequence, chosen.frames)
+        clip = TrackedClip(tracker, sequence, chosen.frames, has_masks=not chosen.no_masks)
         straight, _ = keyframes_needed(clip.truth, clip.interpolated, goal, by_doubt=False)
         ours, first = keyframes_needed(
             clip.truth, clip.tracked, goal, by_doubt=chosen.order == "doubt"

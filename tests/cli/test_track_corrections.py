@@ -8,6 +8,7 @@ import pytest
 
 from helpers.tracked_clip import COUNT, box_of, decoded, rows_of
 from ssiam.cli import main
+from ssiam.trackers.box_mask import BOUNDS_THRESHOLDS, BoxMask
 
 KCF = ("--tracker", "kcf")
 
@@ -109,6 +110,26 @@ def test_masks_follow_the_corrected_boxes(truth, tmp_path):
         center = np.mean([[float(row[f"{axis}{n}"]) for axis in "xy"] for n in "1234"], axis=0)
         middle = float(row["x"]) + float(row["w"]) / 2, float(row["y"]) + float(row["h"]) / 2
         assert np.abs(center - middle).max() < 8
+
+
+def test_the_edges_of_masks_are_in_the_boxes(truth, tmp_path, monkeypatch):
+    """The mask is 20 px wider than the box in one frame; half of that is added."""
+    seen = []
+
+    def bounds(self, view, xywh):
+        seen.append(xywh)
+        x, y, w, h = xywh
+        return np.tile((x, y, w + 20 * (len(seen) == 6), h), (len(BOUNDS_THRESHOLDS), 1))
+
+    monkeypatch.setattr(BoxMask, "bounds", bounds)
+    write_cvat("c.xml", [{8: truth[8], 12: None, 14: truth[14]}])
+    arguments = ["track", "clip.mp4", "--corrections", "c.xml", "--end", "16"]
+    assert main([*arguments, "--results", "r.csv"]) == 0
+    widths = [float(row["w"]) for row in rows_of(tmp_path / "r.csv") if row["lost"] == "0"]
+    masked = [w for _, _, w, _ in seen]
+    assert len(masked) == 12 + 3
+    gains = np.subtract(widths, masked)
+    assert gains == pytest.approx([10 * (frame == 5) for frame in range(15)], abs=1e-2)
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,34 @@ def test_where_both_fail_each_counts_up_to_where_they_cross():
     assert np.abs(track.boxes - truth()).max() < 1
 
 
+def test_where_both_fail_and_never_meet_boxes_are_on_straight_lines():
+    """Both follow other objects from the first frame on."""
+    section = whole(0, 20, 40)
+    ahead, back = runs(section, lambda frames: run([box(f) for f in frames]))
+    ahead[20].boxes[1:, 0] += 200
+    back[40].boxes[1:, 0] -= 200
+    track = blend(section, ahead, back)
+    lines = np.stack(
+        [np.interp(range(20, 41), (20, 40), side) for side in zip(box(20), box(40), strict=True)]
+    )
+    assert track.boxes[20:] == pytest.approx(lines.T)
+    assert track.boxes[:20] == pytest.approx(truth()[:20])
+    assert track.straight_share.tolist() == [0] * 20 + [1] * 21
+
+
+def test_low_scores_between_keyframes_give_straight_lines():
+    section = whole(5, 30)
+    scores = np.array([0.1 if 10 <= f < 15 or f > 35 else 0.9 for f in range(COUNT)])
+    track = blend(section, *runs(section, lambda f: run([box(i) for i in f], scores[list(f)])))
+    lines = np.stack(
+        [np.interp(range(COUNT), (5, 30), side) for side in zip(box(5), box(30), strict=True)]
+    )
+    assert track.boxes[10:15] == pytest.approx(lines.T[10:15])
+    assert np.delete(track.boxes, range(10, 15), 0) == pytest.approx(
+        np.delete(truth(), range(10, 15), 0)
+    )
+
+
 def test_an_unusual_box_changes_its_neighbors_and_not_the_whole_track():
     section = whole(0, 20, 40)
     odd = np.add(box(20), (0, -15, 0, 15))  # arms up, in this frame

@@ -122,6 +122,18 @@ def test_target_at_the_edge_narrows_the_view_and_then_leaves_the_middle() -> Non
     assert outside(views) < 3
 
 
+def test_a_shaken_target_near_the_edge_stays_near_the_middle() -> None:
+    """Some border is better than 7 px of distance, for a target of 42."""
+    clip = LockedClip()
+    clip.boxes = [(x - 185, y, w, h) for x, y, w, h in clip.truth]  # type: ignore[misc]
+    clip.truth = list(clip.boxes)
+    views = clip.views()
+    distance = (clip.target_xy(views) - 0.5) * views.size_wh
+    in_raw = np.hypot(*distance.T) * widths(views) / views.size_wh[0]
+    assert np.sqrt(np.mean(in_raw**2)) < 5
+    assert border(views) < 0.01
+
+
 @pytest.mark.parametrize("zoom", ZOOMS)
 @pytest.mark.parametrize("position", ["middle", "right third"])
 def test_hardly_any_border_is_shown_of_a_target_at_the_edge(zoom: Any, position: Any) -> None:

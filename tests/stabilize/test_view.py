@@ -59,6 +59,13 @@ def test_a_crop_outside_of_the_frame_is_the_truncated_fill(center, stab_from_raw
     assert (crop == (10, 20, 30)).all()
 
 
+@pytest.mark.parametrize("size_wh", [(1, 1), (33, 17), (1920, 1080)])
+def test_the_mean_color_is_exact(size_wh):
+    width, height = size_wh
+    frame = np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
+    np.testing.assert_array_equal(FrameView(frame).mean_color, frame.mean(axis=(0, 1)))
+
+
 def test_render_is_the_stabilized_frame_with_its_border():
     frame = smooth_world()
     image = FrameView(frame, STAB_FROM_RAW, border=20).render()

@@ -149,3 +149,20 @@ def test_a_threshold_is_that_of_the_sigmoid(threshold, inside):
         FrameView(np.zeros((240, 320, 3), np.uint8)), (100.0, 80.0, 60.0, 40.0), FILL
     )
     assert outline.read().mask.any() == inside
+
+
+def test_bounds_are_those_of_the_object_in_a_box_that_is_not_exactly_its_own():
+    """A faint border counts by the low thresholds, and a spot in the corner by none."""
+    frame = frame_of((100, 80, 60, 40))
+    frame[80:120, 160:164] = 50
+    frame[64:68, 90:94] = 255
+    bounds = BoxMask(bright_cells(), 0.5).bounds(FrameView(frame, border=0), (106, 76, 56, 46))
+    assert bounds[-1] == pytest.approx((100, 80, 60, 40), abs=2)
+    assert bounds[0] == pytest.approx((100, 80, 64, 40), abs=2)
+    assert bounds[0, 2] > bounds[-1, 2] + 2
+
+
+def test_an_empty_mask_has_no_bounds():
+    frame = np.zeros((SIZE_WH[1], SIZE_WH[0], 3), np.uint8)
+    bounds = BoxMask(bright_cells(), 0.5).bounds(FrameView(frame, border=0), (100, 80, 60, 40))
+    assert np.isnan(bounds).all()

@@ -102,6 +102,15 @@ def test_mask_tints_only_its_pixels():
     assert draw_tracks(frame, [track])[230, 340].sum() < drawn[230, 340].sum()
 
 
+@pytest.mark.parametrize("overlay", ["box", "trail"])
+def test_of_these_overlays_a_target_has_one_box(overlay):
+    corners = np.array([[320.0, 100.0], [420.0, 200.0], [320.0, 300.0], [220.0, 200.0]])
+    track = Track((220.0, 100.0, 200.0, 200.0))
+    frame = _gray((640, 480))
+    drawn = draw_tracks(frame, [track.with_changes(corners=corners)], overlay=overlay)
+    np.testing.assert_array_equal(drawn, draw_tracks(frame, [track], overlay=overlay))
+
+
 def test_rotated_box_is_drawn_along_its_corners():
     corners = np.array([[320.0, 100.0], [420.0, 200.0], [320.0, 300.0], [220.0, 200.0]])
     frame = _gray((640, 480))

@@ -1,8 +1,9 @@
 """`run_corrected`: targets are tracked between keyframes that a person has corrected.
 
-The source is read three times: forward and backward, to track from every keyframe to the next one
-and to the one before it; forward, to write the results. The two runs are blended
-(`ssiam.exchange.blending`).
+The source is read forward and backward, to track from every keyframe to the next one and to the one
+before it; forward again, for the masks in the blended boxes, if the tracker has a network for them;
+and forward, to write the results. `ssiam.exchange.blending` blends the two runs,
+`ssiam.exchange.mask_edges` adds the masks' edges.
 """
 
 from __future__ import annotations
@@ -39,10 +40,13 @@ from ssiam.exchange.blending import (
     sections,
 )
 from ssiam.exchange.doubts import Doubt, doubtful_frames
+from ssiam.exchange.mask_edges import with_mask_edges
 from ssiam.geometry import XYWH, check_box
 from ssiam.motion import Motion
+from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, TrackerGroup
+from ssiam.trackers.box_mask import BOUNDS_THRESHOLDS, BoxMask
 from ssiam.video import Frame
 from ssiam.video.results import STDOUT
 from ssiam.video.reversing import FrameRecord
@@ -98,6 +102,8 @@ def run_corrected(
                 strict=True,
             )
         ]
+        if scan.box_mask is not None:
+            _measure_masks(job, scan, scan.box_mask, targets, summary, progress)
         outputs = Outputs(job.paths, job.config)
         doubts = sorted(
             (each for target in targets for each in target.doubts()),
@@ -127,7 +133,9 @@ def run_corrected(
             outputs.write_video(frame, tracks, scan.view_motions.get(frame.index))
             summary.add(frame.index, tracks)
             for report in progress:
-                report.advance(2 * count + done, 3 * count, summary.timer.fps)
+                report.advance(
+                    (scan.passes - 1) * count + done, scan.passes * count, summary.timer.fps
+                )
     check_complete(frames, summary)
     if scan.fault is not None:
         raise scan.fault
@@ -148,12 +156,20 @@ class _Scan(SourceScan):
         Camera motion to each frame.
     view_motions : dict of int to Motion
         Camera motion to each frame, for the video; empty if that needs none.
+    box_mask : BoxMask or None
+        The tracker's network for masks.
     """
 
     size_wh: tuple[int, int]
     runs: list[dict[int, _Stored]]
     motions: dict[int, Motion | None] = field(default_factory=dict)
     view_motions: dict[int, Motion] = field(default_factory=dict)
+    box_mask: BoxMask | None = None
+
+    @property
+    def passes(self) -> int:
+        """How often the source is read."""
+        return 3 if self.box_mask is None else 4
 
     def sections(self, keyframes: Sequence[Keyframe], number: int) -> list[Section]:
         """The sections of a target; raises `ArgumentError` as `sections`, with its number."""
@@ -304,7 +320,9 @@ def _track_forward(
                     ends = _planned(
                         keyframes, scan.runs, frame.index, _UNKNOWN_END, Section.forward_ends
                     )
-                    runs = _RunSet(job.new_group(), ends)
+                    group = job.new_group()
+                    scan.box_mask = group.new_tracker().view_tracker.box_mask
+                    runs = _RunSet(group, ends)
                 scan.records.append(FrameRecord.of(frame))
                 with summary.timer:
                     if camera is not None:
@@ -314,7 +332,7 @@ def _track_forward(
                         scan.view_motions[frame.index] = camera.finish(frame, tracks)
                 scan.motions[frame.index] = runs.motion
                 summary.add_failures(frame.index, runs.failures)
-                total = None if frames.length is None else 3 * frames.length
+                total = None if frames.length is None else scan.passes * frames.length
                 for each in progress:
                     each.advance(len(scan.records), total, summary.timer.fps)
         except StreamError as error:
@@ -340,8 +358,29 @@ def _track_backward(
             runs.step(frame)
         summary.add_failures(frame.index, runs.failures)
         for each in progress:
-            each.advance(count + done, 3 * count, summary.timer.fps)
+            each.advance(count + done, scan.passes * count, summary.timer.fps)
     return found
+
+
+def _measure_masks(
+    job: TrackJob,
+    scan: _Scan,
+    box_mask: BoxMask,
+    targets: Sequence[_CorrectedTarget],
+    summary: Summary,
+    progress: Sequence[RunProgress],
+) -> None:
+    """Put the edges of the masks in the targets' boxes into their tracks."""
+    count = len(scan.records)
+    with job.source.open() as frames:
+        for done, frame in enumerate(selected_frames(frames, scan.span(), ()), 1):
+            with summary.timer:
+                for target in targets:
+                    target.measure_mask(box_mask, frame)
+            for each in progress:
+                each.advance(2 * count + done, scan.passes * count, summary.timer.fps)
+    for target in targets:
+        target.use_masks()
 
 
 class _CorrectedTarget:
@@ -374,6 +413,25 @@ class _CorrectedTarget:
             ahead = {f: _run(self._forward[f], 1) for f in section.forward_ends()}
             back = {f: _run(self._backward[f], -1) for f in section.backward_ends()}
             self._blends.append((section, blend(section, ahead, back)))
+        self._bounds = [
+            np.full((len(track.boxes), len(BOUNDS_THRESHOLDS), 4), np.nan)
+            for _, track in self._blends
+        ]
+
+    def measure_mask(self, box_mask: BoxMask, frame: Frame) -> None:
+        """Keep the bounds of the mask in the target's box in a frame."""
+        for (section, track), bounds in zip(self._blends, self._bounds, strict=True):
+            if section.first <= frame.index <= section.last:
+                position = frame.index - section.first
+                x, y, w, h = track.boxes[position].tolist()
+                bounds[position] = box_mask.bounds(FrameView(frame.image, border=0), (x, y, w, h))
+
+    def use_masks(self) -> None:
+        """Put the edges of the masks that were measured into the tracks."""
+        self._blends = [
+            (section, with_mask_edges(section, track, bounds))
+            for (section, track), bounds in zip(self._blends, self._bounds, strict=True)
+        ]
 
     def doubts(self) -> list[Doubt]:
         """The frames that a person should look at."""

@@ -9,6 +9,7 @@ from ssiam.exchange.detections import to_detections
 from ssiam.exchange.doubts import Doubt, doubtful_frames
 from ssiam.exchange.exports import EXPORT_KINDS, ExportKind, write_exports
 from ssiam.exchange.labelstudio import Timeline, timeline
+from ssiam.exchange.mask_edges import with_mask_edges
 from ssiam.exchange.rerun import RerunLog
 from ssiam.exchange.result_files import read_annotations
 
@@ -35,5 +36,6 @@ __all__ = [
     "sections",
     "timeline",
     "to_detections",
+    "with_mask_edges",
     "write_exports",
 ]

@@ -5,6 +5,9 @@ an offset, by their size, and by drift. The keyframes say by how much. The diffe
 is a sample of a random process over time (a Gaussian process: a constant, a slow part and a part
 of a few frames), and its expected value is added to the boxes between the keyframes. So an unusual
 box in one frame changes its neighbors, and not everything up to the next keyframe.
+
+Where neither run has followed the target from one keyframe to the other, straight lines between the
+keyframes are better than either, and so they are where the score is low.
 """
 
 from __future__ import annotations
@@ -25,8 +28,12 @@ Bools: TypeAlias = NDArray[np.bool_]
 
 # IoU of a run's last box with the keyframe there, above which the run has followed the target.
 _ARRIVED: Final = 0.3
+# IoU of two runs that have not arrived, above which they cross: both are on the target there.
+_CROSSED: Final = 0.8
 # Share of the largest IoU of two runs from which they count as crossing.
 _NEAR_BEST: Final = 0.9
+# Scores at which boxes are those of straight lines between the keyframes, and those of the runs.
+_STRAIGHT_SCORE, _TRACKED_SCORE = 0.2, 0.6
 # Frames over which one run fades into the other where both have lost the target.
 _FADE: Final = 4
 # Standard deviations of the differences: centers in widths and heights of the box, sizes as
@@ -168,6 +175,8 @@ class Blend:
         IoU of forward and backward run, 0..1; nan where there is one run.
     backward_share : (N,) float64
         Weight of the backward run, 0..1.
+    straight_share : (N,) float64
+        Weight of straight lines between the keyframes, 0..1.
     """
 
     boxes: Floats
@@ -175,6 +184,7 @@ class Blend:
     lost: Bools
     agreement: Floats
     backward_share: Floats
+    straight_share: Floats
 
 
 def blend(section: Section, forward: Mapping[int, Run], backward: Mapping[int, Run]) -> Blend:
@@ -217,19 +227,66 @@ def blend(section: Section, forward: Mapping[int, Run], backward: Mapping[int, R
         run = forward[frames[-1]]
         fill(frames[-1], _Raw.of(run, share=0.0))
         differences[frames[-1]].append(_difference(given[frames[-1]], _centered(run.boxes[0])))
-    indexes = np.array(frames) - section.first
     means = np.array([np.mean(each or [np.zeros(4)], axis=0) for each in differences.values()])
+    boxes = _corrected(section, track.boxes, means)
+    straight = np.zeros(size)
+    between = slice(frames[0] - section.first, frames[-1] - section.first + 1)
+    straight[between] = track.straight[between]
+    share = straight[:, None]
+    boxes = with_keyframes(section, (1 - share) * boxes + share * _straight(section))
+    indexes = np.array(frames) - section.first
+    track.scores[indexes], track.lost[indexes] = 1.0, False
+    return Blend(boxes, track.scores, track.lost, track.agreement, track.share, straight)
+
+
+def corrected(section: Section, boxes: Floats) -> Floats:
+    """Boxes with their expected differences from those of a person.
+
+    Parameters
+    ----------
+    section : Section
+    boxes : (N, 4) float64
+        x, y, w, h in each frame of the section, measured in the same way in all.
+
+    Returns
+    -------
+    (N, 4) float64
+        x, y, w, h.
+    """
+    tracked = _centered(boxes)
+    differences = [
+        _difference(_centered(np.array(each.xywh)), tracked[each.frame - section.first])
+        for each in section.keyframes
+    ]
+    return _corrected(section, tracked, np.array(differences))
+
+
+def with_keyframes(section: Section, boxes: Floats) -> Floats:
+    """The boxes x, y, w, h (N, 4), exactly those of the keyframes in their frames."""
+    kept = boxes.copy()
+    for each in section.keyframes:
+        kept[each.frame - section.first] = each.xywh
+    return kept
+
+
+def _corrected(section: Section, tracked: Floats, differences: Floats) -> Floats:
+    """Boxes x, y, w, h of centered ones (N, 4) and their differences at the K keyframes (K, 4)."""
+    indexes = np.array([each.frame for each in section.keyframes]) - section.first
     # Sizes of a person and of a tracker may differ by any constant factor; centers hardly do.
-    base = np.array([0.0, 0.0, *means[:, 2:].mean(axis=0)])
-    expected = base + _expected(indexes, means - base, np.arange(size))
-    boxes = track.boxes.copy()
+    base = np.array([0.0, 0.0, *differences[:, 2:].mean(axis=0)])
+    expected = base + _expected(indexes, differences - base, np.arange(len(tracked)))
+    boxes = tracked.copy()
     boxes[:, 2:] += expected[:, 2:]
     boxes[:, :2] += expected[:, :2] * np.exp(boxes[:, 2:])
-    boxes[indexes] = list(given.values())
-    found = _upright(boxes)
-    found[indexes] = [each.xywh for each in section.keyframes]
-    track.scores[indexes], track.lost[indexes] = 1.0, False
-    return Blend(found, track.scores, track.lost, track.agreement, track.share)
+    return with_keyframes(section, _upright(boxes))
+
+
+def _straight(section: Section) -> Floats:
+    """Straight lines between the keyframes (N, 4), constant before the first and after the last."""
+    frames = np.arange(section.first, section.last + 1)
+    known = [each.frame for each in section.keyframes]
+    given = np.array([each.xywh for each in section.keyframes])
+    return np.stack([np.interp(frames, known, side) for side in given.T], axis=1)
 
 
 @dataclass(eq=False)
@@ -241,23 +298,23 @@ class _Raw:
     lost: Bools
     agreement: Floats
     share: Floats
+    straight: Floats
 
     @classmethod
     def empty(cls, size: int) -> _Raw:
-        boxes, values = np.zeros((size, 4)), np.zeros(size)
-        return cls(
-            boxes, values, np.zeros(size, dtype=np.bool_), np.full(size, np.nan), values.copy()
-        )
+        boxes, lost = np.zeros((size, 4)), np.zeros(size, dtype=np.bool_)
+        scores, share, straight = np.zeros((3, size))
+        return cls(boxes, scores, lost, np.full(size, np.nan), share, straight)
 
     @classmethod
     def of(cls, run: Run, share: float) -> _Raw:
         """One run alone, in the order of the frames."""
         size = len(run.boxes)
-        unknown = np.full(size, np.nan)
-        return cls(_centered(run.boxes), run.scores, run.lost, unknown, np.full(size, share))
+        unknown, shares = np.full(size, np.nan), np.full(size, share)
+        return cls(_centered(run.boxes), run.scores, run.lost, unknown, shares, np.zeros(size))
 
     def put(self, offset: int, part: _Raw) -> None:
-        for name in ("boxes", "scores", "lost", "agreement", "share"):
+        for name in ("boxes", "scores", "lost", "agreement", "share", "straight"):
             getattr(self, name)[offset : offset + len(part.boxes)] = getattr(part, name)
 
 
@@ -268,20 +325,24 @@ def _between(ahead: Run, back: Run, start: Floats, end: Floats) -> _Raw:
     ahead_arrived = iou(ahead.boxes[-1], _upright(end)) > _ARRIVED
     back_arrived = iou(back.boxes[0], _upright(start)) > _ARRIVED
     position = np.arange(size, dtype=np.float64)
+    is_followed = True
     if ahead_arrived and back_arrived:
         share = position / (size - 1)
     elif ahead_arrived or back_arrived:
         share = np.full(size, 0.0 if ahead_arrived else 1.0)
-    elif agreement.max() > _ARRIVED:
+    elif agreement.max() > _CROSSED:
         crossing = np.median(np.flatnonzero(agreement >= _NEAR_BEST * agreement.max()))
         share = np.clip((position - crossing) / _FADE + 0.5, 0, 1)
     else:
-        share = (position > (size - 1) // 2).astype(np.float64)
+        share, is_followed = (position > (size - 1) // 2).astype(np.float64), False
     weight = share[:, None]
     boxes = (1 - weight) * _centered(ahead.boxes) + weight * _centered(back.boxes)
     scores = (1 - share) * ahead.scores + share * back.scores
     lost = np.where(share < 0.5, ahead.lost, back.lost)
-    return _Raw(boxes, scores, lost, agreement, share)
+    straight = np.clip((_TRACKED_SCORE - scores) / (_TRACKED_SCORE - _STRAIGHT_SCORE), 0, 1)
+    if not is_followed:
+        straight[:] = 1.0
+    return _Raw(boxes, scores, lost, agreement, share, straight)
 
 
 def _in_frame_order(run: Run) -> Run:

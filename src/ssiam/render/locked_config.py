@@ -24,6 +24,9 @@ _SHARES: Final = {  # of the view's width and height
     "lower third": (1 / 2, 2 / 3),
 }
 
+# Of the target: the smallest one whose paths are smooth on shaken clips of DAVIS, SoccerNet and
+# MOTChallenge (docs/decisions/0008-locked-view.md)
+_TOLERANCE: Final = 0.04
 _MARGIN: Final = 1.1  # sizes of the target that the smallest view shows
 
 
@@ -67,7 +70,7 @@ class LockedConfig:
     position: Position = "middle"
     target_share: float = 0.35
     max_zoom: float = 4.0
-    tolerance: float = 0.07
+    tolerance: float = _TOLERANCE
     max_speed: float = 3.0
     max_acceleration: float = 40.0
     max_zoom_speed: float = 2.0

@@ -127,6 +127,13 @@ class FrameView:
         return self.raw.shape[1], self.raw.shape[0]
 
     @cached_property
+    def mean_color(self) -> Color:
+        """The mean color (3,) of the raw frame, BGR."""
+        height, width = self.raw.shape[:2]
+        total = np.array(cv2.sumElems(self.raw)[:3], dtype=np.float64)
+        return np.asarray(total / (height * width))
+
+    @cached_property
     def raw_from_stab(self) -> Transform:
         """Maps stabilized pixels to raw-frame pixels: the inverse transform (eq. 9)."""
         return np.asarray(np.linalg.inv(self.stab_from_raw))

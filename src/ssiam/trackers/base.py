@@ -22,7 +22,7 @@ other classes; `ssiam.testing` has checks for them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ from ssiam.geometry import XYWH
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.responses import Response
+
+if TYPE_CHECKING:
+    from ssiam.trackers.box_mask import BoxMask  # imports this module
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +101,11 @@ class CompleteTracker(DeepCopied, ABC):
     def has_responses(self) -> bool:
         """Whether `respond`, `accept` and `move_to` are available."""
         return False
+
+    @property
+    def box_mask(self) -> BoxMask | None:
+        """The network for the mask of the object in a box, if the tracker has one."""
+        return None
 
     @abstractmethod
     def init(self, view: FrameView, xywh: XYWH) -> None:

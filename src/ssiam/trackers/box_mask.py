@@ -28,6 +28,9 @@ MASK_SHAPES: Final = (  # of the inputs and outputs of the network
     [(1, 1, CROP_SIDE // 2, CROP_SIDE // 2)],
 )
 CELL: Final = 2  # px of the crop in a cell of the mask
+BOUNDS_THRESHOLDS: Final = (0.05, 0.12, 0.18, 0.27, 0.5)
+"""Probabilities of a pixel; the bounds of `BoxMask.bounds` are those of the mask above each."""
+_LEAST_PART: Final = 0.1  # area of a part of the mask, in that of the largest one, in its bounds
 _HALF: Final = 127  # of 255: a probability of one half
 _MIN_FILL: Final = 0.25  # minimum share of a small box that its mask covers
 _MIN_IOU: Final = 0.8  # minimum IoU of the rotated box's bounds with the upright box
@@ -68,6 +71,33 @@ class BoxMask:
         crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), fill).image
         return PendingOutline(partial(self._outline, crop, crop_xywh, xywh, view.size_wh, margin))
 
+    def bounds(self, view: FrameView, xywh: XYWH) -> Floats:
+        """The bounds of the object in `xywh`, pixels of the view, by several thresholds.
+
+        Small parts apart from the rest do not count.
+
+        Parameters
+        ----------
+        view : FrameView
+        xywh : (x, y, w, h)
+
+        Returns
+        -------
+        (T, 4) float64
+            x, y, w, h of the mask above each of `BOUNDS_THRESHOLDS`; nan where it is empty.
+        """
+        crop_xywh = enlarged(xywh)
+        crop = view.crop(crop_xywh, (CROP_SIDE, CROP_SIDE), view.mean_color).image
+        (logits,) = self.network(crop_tensor(crop))
+        cells = np.array(
+            [
+                _cell_bounds(logits[0, 0] > math.log(threshold / (1 - threshold)))
+                for threshold in BOUNDS_THRESHOLDS
+            ]
+        )
+        cell_wh = np.array(crop_xywh[2:]) / CROP_SIDE * CELL
+        return np.hstack([crop_xywh[:2] + cells[:, :2] * cell_wh, cells[:, 2:] * cell_wh])
+
     def _outline(
         self, crop: Image, crop_xywh: XYWH, xywh: XYWH, size_wh: tuple[int, int], margin: int
     ) -> Outline:
@@ -78,6 +108,17 @@ class BoxMask:
         span = intersection(crop_span, visible_span(size_wh, margin))
         mask = paste(logits[0, 0] - threshold, corner, sides / CROP_SIDE * CELL, span)
         return Outline(rotated_box(mask, xywh), mask.full(size_wh))
+
+
+def _cell_bounds(mask: Mask) -> Floats:
+    """x, y, w, h of the large parts of a mask, in cells; nan if it is empty."""
+    _, _, parts, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    areas = parts[1:, cv2.CC_STAT_AREA]
+    if not len(areas):
+        return np.full(4, np.nan)
+    large = parts[1:][areas >= _LEAST_PART * areas.max(), :4].astype(np.float64)
+    first, end = large[:, :2].min(axis=0), (large[:, :2] + large[:, 2:]).max(axis=0)
+    return np.concatenate([first, end - first])
 
 
 def enlarged(xywh: XYWH) -> XYWH:

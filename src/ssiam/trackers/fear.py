@@ -232,7 +232,7 @@ def _expanded(xywh: XYWH, share: float) -> tuple[int, int, int, int]:
 def _resampled(view: FrameView, window_xywh: tuple[int, int, int, int], side: int) -> Crop:
     """A window of the view, cut out in whole pixels and then stretched to (side, side)."""
     x, y, w, h = window_xywh
-    fill: Floats = view.raw.mean(axis=(0, 1))
+    fill = view.mean_color
     if max(w, h) > _MAX_WINDOW:
         return view.crop(window_xywh, (side, side), fill.tolist())
     if view.is_raw:

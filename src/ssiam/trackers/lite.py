@@ -214,10 +214,15 @@ class LiteTracker(SiameseTracker[_Target]):
 
     has_responses = True
 
+    @property
+    def box_mask(self) -> BoxMask | None:
+        """The network for masks, if the weights have one and masks are asked for."""
+        return self._box_mask
+
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_reported_xywh(xywh)
-        fill: Floats = view.raw.mean(axis=(0, 1))
+        fill = view.mean_color
         kernels = self._template(view, state, fill)
         distractors = DistractorTracker(self._has_distractors)
         min_wh = min_size(state.size_wh)

@@ -190,7 +190,7 @@ class NanoTrack(SiameseTracker[_Target]):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_xywh(xywh)
-        fill: Floats = view.raw.mean(axis=(0, 1))
+        fill = view.mean_color
         crop = view.crop_square(state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         size = np.array(state.size_wh) * TEMPLATE_SIDE / state.context_side

@@ -319,7 +319,7 @@ class OneStreamTracker(CompleteTracker):
         sides = (w, h) if described.stretch else (math.sqrt(w * h),) * 2
         across, down = (factor * max(each, _MIN_TARGET) for each in sides)
         window = x + (w - across) / 2, y + (h - down) / 2, across, down
-        fill = view.raw.mean(axis=(0, 1)).tolist() if described.pad_with_mean else None
+        fill = view.mean_color if described.pad_with_mean else None
         return view.crop(window, (side, side), fill)
 
     def _tensor(self, crop: Crop) -> Tensor:

@@ -78,8 +78,9 @@ def draw_tracks(
     labels : sequence of str, optional
         Label of each box; by default its number and its score.
     overlay : {"box+score", "box", "trail", "mask", "none"}
-        "box" omits score and mask, "trail" adds the path of each target to its box, "mask" draws
-        nothing but the mask (the box of a target without one), "none" nothing, not even LOST.
+        "box" omits score, rotated box and mask, "trail" adds the path of each target to its box,
+        "mask" draws nothing but the mask (the box of a target without one), "none" nothing, not
+        even LOST.
     trails : sequence of (N, 2) array
         Earlier centers of each target, in pixels of this frame; drawn by "trail".
 
@@ -124,12 +125,13 @@ def _draw_target(
         if overlay == "mask":
             return
     box = corners_from_xywh(track.box)
-    if track.corners is None:
+    rotated = track.corners if overlay == "box+score" else None
+    if rotated is None:
         _outline(canvas, box, color, style.thickness)
     else:
         _outline(canvas, box, color, style.thickness // 2, rim=0)
-        _outline(canvas, track.corners, color, style.thickness)
-    drawn = box if track.corners is None else np.vstack([box, track.corners])
+        _outline(canvas, rotated, color, style.thickness)
+    drawn = box if rotated is None else np.vstack([box, rotated])
     left, top = np.clip(drawn.min(axis=0), -_FAR, _FAR)
     bottom = float(np.clip(drawn[:, 1].max(), -_FAR, _FAR))
     if label:
