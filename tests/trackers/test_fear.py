@@ -6,14 +6,23 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.stub_networks import Stub
+from helpers.stub_networks import Stub, marker_cells
 from helpers.synthetic import world
+from helpers.tracker_loops import LoopTests
 from ssiam import FrameView
 from ssiam.cli import main
 from ssiam.errors import WeightsError
 from ssiam.geometry import rigid
 from ssiam.runtime import RuntimeOptions
-from ssiam.trackers.fear import CONFIDENCE, FearNetworks, FearXs, _expanded, _whole_pixels
+from ssiam.trackers.fear import (
+    _MEAN_RGB,
+    CONFIDENCE,
+    PARAMETERS,
+    FearNetworks,
+    FearXs,
+    _expanded,
+    _whole_pixels,
+)
 from ssiam.trackers.siamese import SearchParameters
 
 FRAME = world(1, (320, 240))
@@ -38,6 +47,17 @@ def tracker_of(search, parameters=None):
     networks = FearNetworks(template, search)
     parameters = parameters or SearchParameters(0.0, 0.0, 1.0)
     return FearXs(networks, parameters), template
+
+
+def marker_search(t, crop, features):
+    """A search network that detects the marker."""
+    logits, distances = marker_cells(crop[0] + np.array(_MEAN_RGB)[:, None, None], 16)
+    return [distances[None], logits[None, None]]
+
+
+class TestFearLoop(LoopTests):
+    def tracker(self):
+        return tracker_of(Stub(marker_search), PARAMETERS)[0]
 
 
 def test_the_crops_are_stretched_rgb_without_the_mean():

@@ -19,7 +19,7 @@ def response(*candidates):
     x, y, ranked = np.array(candidates, float).T
     size = np.full(len(x), 30.0)
     boxes = np.stack([x + 15, y + 15, size, size])
-    return Response(boxes, ranked, ranked, list(range(len(x))), lambda peak: x == x[peak], None)
+    return Response(boxes, ranked, ranked, lambda: [x == each for each in x], None)
 
 
 def test_the_rank_is_halved_at_the_halving_distance():
