@@ -99,6 +99,11 @@ class CompleteTracker(DeepCopied, ABC):
         """Whether `respond`, `accept` and `move_to` are available."""
         return False
 
+    @property
+    def prefers_prediction(self) -> bool:
+        """Whether candidates near the predicted position are ranked higher."""
+        return self.has_responses
+
     @abstractmethod
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""

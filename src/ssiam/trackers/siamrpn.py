@@ -154,6 +154,7 @@ class SiamRpn(CandidateTracker[AnchorTarget]):
     """
 
     score_is_calibrated = False
+    prefers_prediction = False  # not measured with these trackers
     _parameters: SiamRpnParameters
 
     def __init__(
