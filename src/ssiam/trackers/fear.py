@@ -248,7 +248,7 @@ def _expanded(xywh: XYWH, share: float) -> tuple[int, int, int, int]:
 def _resampled(view: FrameView, window_xywh: tuple[int, int, int, int], side: int) -> Crop:
     """A window of the view, cut out in whole pixels and then stretched to (side, side)."""
     x, y, w, h = window_xywh
-    fill: Floats = view.raw.mean(axis=(0, 1))
+    fill = _mean_color(view.raw)
     if max(w, h) > _MAX_WINDOW:
         return view.crop(window_xywh, (side, side), fill.tolist())
     if view.is_raw:
@@ -266,6 +266,12 @@ def _resampled(view: FrameView, window_xywh: tuple[int, int, int, int], side: in
         patch = np.asarray(warped, dtype=np.uint8)
     image = np.asarray(cv2.resize(patch, (side, side)), dtype=np.uint8)
     return Crop(image, np.array([[w / side, 0, x], [0, h / side, y], [0, 0, 1]]))
+
+
+def _mean_color(image: Image) -> Floats:
+    """Mean color (3,) of an image; the same as NumPy's mean, which takes 26 ms at 1080p."""
+    height, width = image.shape[:2]
+    return np.array(cv2.sumElems(image)[:3]) / (height * width)
 
 
 def _padded_window(image: Image, window_xywh: tuple[int, int, int, int], fill: Floats) -> Image:
