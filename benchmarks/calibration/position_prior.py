@@ -8,7 +8,8 @@ predict, as they are and shaken by 3 % (hand-held) and 5 % (white noise). The cl
 MOTChallenge's layout, show several objects of one kind, each of which is tracked in up to 90 frames
 as in benchmarks/accuracy/distractors.py; for them the column is the mean overlap. By default they
 are ADL-Rundle-6 of the folder of test data, on which nothing is reported. The first row of each
-tracker is without the preference (`--no-prefer`).
+tracker is without the preference (`--no-prefer`); the others have it, also for trackers that do not
+have it otherwise.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from ssiam.datasets import Shake, VideoSequence, open_dataset, shaken
 from ssiam.evaluation.measures.success import success
 from ssiam.geometry import Image
 from ssiam.trackers import position_prior
+from ssiam.trackers.candidates import CandidateTracker
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.accuracy.distractors import outcome, targets
@@ -86,6 +88,8 @@ def main() -> None:
         plain = columns(load(name, config.with_options(prefer=False)), *values)
         print(line((name, "-", "-", *(f"{value:.4f}" for value in plain))), flush=True)
         tracker = load(name, config)
+        assert isinstance(tracker.view_tracker, CandidateTracker)
+        tracker.view_tracker.prefers_prediction = True
         for halving, per_error in product(chosen.halving, chosen.per_error):
             with (
                 patch.object(position_prior, "_HALVING", halving),

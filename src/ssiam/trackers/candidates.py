@@ -45,6 +45,7 @@ class CandidateTracker(SiameseTracker[TargetT]):
     """
 
     has_responses = True
+    prefers_prediction = True
 
     def __init__(self, parameters: SearchParameters, window: Floats, distractors: bool) -> None:
         super().__init__(distractors)

@@ -64,6 +64,10 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and similarit
     "nanotrack_v3": Confidence((0.48, 31.0), -1.9),
 }
 
+# Whose candidates are ranked by the prediction too; on the videos that decide, v1 loses by it
+# (docs/decisions/0013-candidates-near-the-prediction.md).
+PREFERRING: Final[tuple[NanoTrackName, ...]] = ("nanotrack_v3",)
+
 
 @dataclass(frozen=True)
 class NanoTrackNetworks:
@@ -178,6 +182,8 @@ class NanoTrack(CandidateTracker[_Target]):
         similarity between the candidate's features and the template's.
     distractors : bool
         Whether objects like the target are recognized by their positions.
+    prefers_prediction : bool
+        Whether candidates near the predicted position are ranked higher.
     """
 
     def __init__(
@@ -187,11 +193,13 @@ class NanoTrack(CandidateTracker[_Target]):
         confidence: Confidence,
         *,
         distractors: bool = False,
+        prefers_prediction: bool = True,
     ) -> None:
         side = networks.head.output_shapes[0][-1]
         super().__init__(parameters, cosine_window(side), distractors)
         self._networks = networks
         self._confidence = confidence
+        self.prefers_prediction = prefers_prediction
         self._points = grid_points((np.arange(side) - side // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
