@@ -150,7 +150,7 @@ def _plot(
                 values = [measure(found[row].get(each, _Cell())) for each in strengths]
                 percent = [100 * each for each in strengths]
                 axes.plot(percent, values, color=color, marker=marker, label=text, clip_on=False)
-        axes.set_ylim(bottom=0)
+    grid.flat[0].set_ylim(bottom=0)  # of all panels, whose limits are by now those of all lines
     for axes in grid.flat[len(trackers) :]:
         axes.set_axis_off()
     for axes in grid.flat[max(len(trackers) - columns, 0) : len(trackers)]:

@@ -11,6 +11,7 @@ from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 
 pytest.importorskip("matplotlib")
 sys.path.insert(0, str(Path(__file__).parents[2]))
+from benchmarks.leaderboard import page
 from benchmarks.leaderboard.page import write_leaderboard
 
 
@@ -44,6 +45,19 @@ def test_the_page_has_its_plots_and_title(board):
         "success-drawn-sequences.png",
     }
     assert (folder / "tables.html").read_text().count("Shake leaderboard") == 2
+
+
+def test_all_points_of_a_plot_are_inside_of_its_panels(monkeypatch):
+    figures = []
+    monkeypatch.setattr(page, "png", lambda figure: figures.append(figure) or b"")
+    found = {
+        ("kcf", "off"): {0.0: page._Cell([1.0], 1000), 0.03: page._Cell([2.0], 1000)},
+        ("mil", "off"): {0.0: page._Cell([1.0], 1000), 0.03: page._Cell([9.0], 1000)},
+    }
+    page._plot("drawn", "lost", "lost targets", found, list(found), [0.0, 0.03], page._lost_rate)
+    for axes in figures[0].axes:
+        assert axes.get_ylim()[0] == 0
+        assert axes.get_ylim()[1] >= 9
 
 
 @pytest.mark.parametrize("shake", ["", "shake-white-0.03-seed0/"])
