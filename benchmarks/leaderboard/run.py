@@ -10,6 +10,7 @@ Runs `ssiam bench` on the ten test sequences and on the reserve, with restarts (
     OUT/raw/DATASET/TRACKER-STABILIZE/ope/SEQUENCE.txt                         OTB, one pass
     OUT/raw/DATASET/shake-KIND-STRENGTH-seedN/TRACKER-STABILIZE/...            the same, shaken
 
+The one-pass results of lite, whose boxes are rotated, are in VOT's form (unsupervised/, not ope/).
 They can be checked with any program that reads these forms; `ssiam bench` of the same version makes
 the same shaken frames. Then the page is written: tables.md, tables.html, and plots. Runs that are
 finished are not repeated. Needs the folder of test data (see benchmarks/common/data.py).
