@@ -70,7 +70,8 @@ def _section(name: str, results: Path, dataset: Path) -> Section:
                 cells = found[entry.tracker, entry.config.stabilize]
                 _add(cells[shake.strength if shake else 0.0], entry)
     strengths = sorted({strength for cells in found.values() for strength in cells})
-    rows = sorted(found, key=lambda row: (_rank(found, row[0], strengths), METHODS.index(row[1])))
+    rank = {tracker: _rank(found, tracker, strengths) for tracker, _ in found}
+    rows = sorted(found, key=lambda row: (rank[row[0]], row[0], METHODS.index(row[1])))
     plots = [
         _plot(name, "lost", "lost targets per 1000 frames", found, rows, strengths, _lost_rate),
         _plot(name, "success", "success", found, rows, strengths, _success),

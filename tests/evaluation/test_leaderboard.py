@@ -1,5 +1,6 @@
 """benchmarks/leaderboard: the page of result files of `ssiam bench`."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -45,6 +46,18 @@ def test_the_page_has_its_plots_and_title(board):
         "success-drawn-sequences.png",
     }
     assert (folder / "tables.html").read_text().count("Shake leaderboard") == 2
+
+
+def test_rows_of_trackers_that_lose_equally_many_stay_together(board, tmp_path):
+    folder, _ = board
+    for other in ("kcf", "mil"):
+        for method in ("off", "predict"):
+            runs = folder / "raw" / "drawn" / f"kcf-{method}"
+            shutil.copytree(runs, tmp_path / "raw" / "drawn" / f"{other}-{method}")
+    write_leaderboard(tmp_path, {"drawn": folder / "drawn"})
+    lines = (tmp_path / "tables.md").read_text().splitlines()
+    found = [line.split("|")[1].strip() for line in lines if line.startswith(("| kcf", "| mil"))]
+    assert found == ["kcf", "kcf", "mil", "mil"]
 
 
 def test_all_points_of_a_plot_are_inside_of_its_panels(monkeypatch):
