@@ -1,14 +1,15 @@
 """How fast ranks fall off with the distance from the prediction: success on held-out videos.
 
     python benchmarks/calibration/position_prior.py VIDEOS [--clips FOLDER ...] [--frames 60]
-        [--halving 0.5 ...] [--per-error 10 ...]
+        [--trackers lite ...] [--halving 0.5 ...] [--per-error 10 ...]
 
 VIDEOS is a folder of sequences that lite was not trained on (ten of DAVIS); they are tracked with
 predict, as they are and shaken by 3 % (hand-held) and 5 % (white noise). The clips, in
 MOTChallenge's layout, show several objects of one kind, each of which is tracked in up to 90 frames
 as in benchmarks/accuracy/distractors.py; for them the column is the mean overlap. By default they
-are ADL-Rundle-6 of the folder of test data, on which nothing is reported. The first row is without
-the preference (`--no-prefer`).
+are ADL-Rundle-6 of the folder of test data, on which nothing is reported. The first row of each
+tracker is without the preference (`--no-prefer`); the others have it, also for trackers that do not
+have it otherwise.
 """
 
 from __future__ import annotations
@@ -28,10 +29,12 @@ from ssiam.datasets import Shake, VideoSequence, open_dataset, shaken
 from ssiam.evaluation.measures.success import success
 from ssiam.geometry import Image
 from ssiam.trackers import position_prior
+from ssiam.trackers.candidates import CandidateTracker
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.accuracy.distractors import outcome, targets
 from benchmarks.common.data import MOT
+from benchmarks.common.loading import load
 from benchmarks.common.tables import line
 
 SHAKES = (Shake(0.0), Shake(0.03, "handheld"), Shake(0.05, "white"))
@@ -70,6 +73,7 @@ def main() -> None:
     parser.add_argument("videos", type=Path)
     parser.add_argument("--clips", type=Path, nargs="+", default=[MOT / "ADL-Rundle-6"])
     parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--trackers", nargs="+", default=["lite"])
     parser.add_argument("--halving", type=float, nargs="+", default=[0.5])
     parser.add_argument("--per-error", type=float, nargs="+", default=[10.0])
     chosen = parser.parse_args()
@@ -77,20 +81,23 @@ def main() -> None:
     config = ssiam.StabilizerConfig("predict")
     names = [f"{shake.kind} {shake.strength:g}" for shake in SHAKES]
     names += [clip.name for clip in chosen.clips]
-    print(line(("halving", "per error", *names)))
-    print("|---" * (2 + len(names)) + "|")
+    print(line(("tracker", "halving", "per error", *names)))
+    print("|---" * (3 + len(names)) + "|")
     values = chosen.videos, chosen.clips, chosen.frames
-    plain = ssiam.load_tracker("lite", stabilize=config.with_options(prefer=False))
-    print(line(("-", "-", *(f"{value:.4f}" for value in columns(plain, *values)))), flush=True)
-    tracker = ssiam.load_tracker("lite", stabilize=config)
-    for halving, per_error in product(chosen.halving, chosen.per_error):
-        with (
-            patch.object(position_prior, "_HALVING", halving),
-            patch.object(position_prior, "_HALVING_PER_ERROR", per_error),
-        ):
-            found = list(columns(tracker, *values))
-        cells = (f"{halving:g}", f"{per_error:g}", *(f"{value:.4f}" for value in found))
-        print(line(cells), flush=True)
+    for name in chosen.trackers:
+        plain = columns(load(name, config.with_options(prefer=False)), *values)
+        print(line((name, "-", "-", *(f"{value:.4f}" for value in plain))), flush=True)
+        tracker = load(name, config)
+        assert isinstance(tracker.view_tracker, CandidateTracker)
+        tracker.view_tracker.prefers_prediction = True
+        for halving, per_error in product(chosen.halving, chosen.per_error):
+            with (
+                patch.object(position_prior, "_HALVING", halving),
+                patch.object(position_prior, "_HALVING_PER_ERROR", per_error),
+            ):
+                found = list(columns(tracker, *values))
+            cells = (f"{halving:g}", f"{per_error:g}", *(f"{value:.4f}" for value in found))
+            print(line((name, *cells)), flush=True)
 
 
 if __name__ == "__main__":

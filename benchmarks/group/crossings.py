@@ -1,6 +1,7 @@
 """How often the identities of two targets are kept when they cross.
 
-    python benchmarks/group/crossings.py [--trackers lite] [--set report] [--verbose]
+    python benchmarks/group/crossings.py [--trackers lite] [--set report] [--real N] [--drawn N]
+        [--verbose]
 
 Two targets of one `TrackerGroup` are tracked through the clips of
 benchmarks/group/crossing_clips.py, with and without the group's knowledge of each other. The set
@@ -69,15 +70,18 @@ class Outcome:
     lost: int
 
 
-def clips_of(name: str) -> list[CrossingClip]:
-    """The clips of a set."""
+def clips_of(
+    name: str, most_real: int | None = None, most_drawn: int | None = None
+) -> list[CrossingClip]:
+    """The clips of a set; of each kind all, or the first ones."""
     real = [
         clip
         for each in (REPORTED if name == "report" else CHOOSING)
         for clip in real_clips(MOT / each)
     ]
     first = DRAWN_SEED[name]
-    return real + [drawn_clip(seed) for seed in range(first, first + max(CLIPS - len(real), 16))]
+    seeds = range(first, first + max(CLIPS - len(real), 16))
+    return real[:most_real] + [drawn_clip(seed) for seed in seeds[:most_drawn]]
 
 
 def outcome(prototype: StabilizedTracker, clip: CrossingClip, aware: bool) -> Outcome:
@@ -137,6 +141,8 @@ def parsed_arguments() -> argparse.Namespace:
     parser.add_argument("--trackers", nargs="+", default=("lite",))
     parser.add_argument("--stabilize", default="predict")
     parser.add_argument("--set", choices=("report", "choose"), default="report")
+    parser.add_argument("--real", type=int, help="number of real clips; default: all")
+    parser.add_argument("--drawn", type=int, help="number of drawn clips; default: all")
     parser.add_argument("--only", nargs="+", choices=("aware", "unaware"), help="default: both")
     parser.add_argument("--verbose", action="store_true", help="print a line for every clip")
     return parser.parse_args()
@@ -146,7 +152,7 @@ def main() -> None:
     """Print the table."""
     chosen = parsed_arguments()
     cv2.setNumThreads(1)
-    clips = clips_of(chosen.set)
+    clips = clips_of(chosen.set, chosen.real, chosen.drawn)
     print(f"    python benchmarks/group/crossings.py {shlex.join(sys.argv[1:])}\n")
     rows = []
     for name, aware in product(chosen.trackers, (False, True)):

@@ -70,7 +70,8 @@ def _section(name: str, results: Path, dataset: Path) -> Section:
                 cells = found[entry.tracker, entry.config.stabilize]
                 _add(cells[shake.strength if shake else 0.0], entry)
     strengths = sorted({strength for cells in found.values() for strength in cells})
-    rows = sorted(found, key=lambda row: (_rank(found, row[0], strengths), METHODS.index(row[1])))
+    rank = {tracker: _rank(found, tracker, strengths) for tracker, _ in found}
+    rows = sorted(found, key=lambda row: (rank[row[0]], row[0], METHODS.index(row[1])))
     plots = [
         _plot(name, "lost", "lost targets per 1000 frames", found, rows, strengths, _lost_rate),
         _plot(name, "success", "success", found, rows, strengths, _success),
@@ -150,7 +151,7 @@ def _plot(
                 values = [measure(found[row].get(each, _Cell())) for each in strengths]
                 percent = [100 * each for each in strengths]
                 axes.plot(percent, values, color=color, marker=marker, label=text, clip_on=False)
-        axes.set_ylim(bottom=0)
+    grid.flat[0].set_ylim(bottom=0)  # of all panels, whose limits are by now those of all lines
     for axes in grid.flat[len(trackers) :]:
         axes.set_axis_off()
     for axes in grid.flat[max(len(trackers) - columns, 0) : len(trackers)]:

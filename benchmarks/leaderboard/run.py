@@ -10,6 +10,7 @@ Runs `ssiam bench` on the ten test sequences and on the reserve, with restarts (
     OUT/raw/DATASET/TRACKER-STABILIZE/ope/SEQUENCE.txt                         OTB, one pass
     OUT/raw/DATASET/shake-KIND-STRENGTH-seedN/TRACKER-STABILIZE/...            the same, shaken
 
+The one-pass results of lite, whose boxes are rotated, are in VOT's form (unsupervised/, not ope/).
 They can be checked with any program that reads these forms; `ssiam bench` of the same version makes
 the same shaken frames. Then the page is written: tables.md, tables.html, and plots. Runs that are
 finished are not repeated. Needs the folder of test data (see benchmarks/common/data.py).
@@ -32,6 +33,8 @@ from benchmarks.leaderboard.page import write_leaderboard
 _DATASETS: Final = {"test sequences": SEQUENCES, "reserve": RESERVE}
 _NANOTRACK: Final = ("nanotrack_v1", "nanotrack_v2", "nanotrack_v3")
 TRACKERS: Final = ("lite", *_NANOTRACK, "fear_xs", "csrt", "kcf", "mil")
+_STABILIZE: Final = ("off", "paper", "predict")
+_PROTOCOLS: Final = ("vot", "ope")
 
 
 def bench_words(chosen: argparse.Namespace, dataset: Path, protocol: str) -> list[str]:
@@ -41,7 +44,7 @@ def bench_words(chosen: argparse.Namespace, dataset: Path, protocol: str) -> lis
     given = [f"{name}={path}" for name, path in weights.items() if name in chosen.trackers]
     return [
         *("bench", str(dataset), "--out", str(chosen.out / "raw" / dataset.name)),
-        *("--trackers", ",".join(chosen.trackers), "--stabilize", "off,paper,predict"),
+        *("--trackers", ",".join(chosen.trackers), "--stabilize", ",".join(chosen.stabilize)),
         *("--shake", ",".join(f"{each:g}" for each in chosen.strengths)),
         *("--shake-kind", ",".join(chosen.kinds), "--shake-seeds", str(chosen.seeds)),
         *("--protocol", protocol, "--jobs", str(chosen.jobs)),
@@ -57,6 +60,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of results and page")
     parser.add_argument("--trackers", nargs="+", default=TRACKERS, choices=TRACKERS)
     parser.add_argument("--datasets", nargs="+", default=list(_DATASETS), choices=_DATASETS)
+    parser.add_argument("--stabilize", nargs="+", default=_STABILIZE, choices=_STABILIZE)
+    parser.add_argument("--protocols", nargs="+", default=_PROTOCOLS, choices=_PROTOCOLS)
     parser.add_argument("--strengths", nargs="+", type=float, default=(0.0, 0.01, 0.03, 0.05))
     parser.add_argument("--kinds", nargs="+", default=("white", "handheld"), choices=SHAKE_KINDS)
     parser.add_argument("--seeds", type=int, default=1, help="number of paths of each shake")
@@ -66,7 +71,7 @@ def main() -> None:
     datasets = {name: _DATASETS[name] for name in chosen.datasets}
     if not chosen.report:
         for dataset in datasets.values():
-            for protocol in ("vot", "ope"):
+            for protocol in chosen.protocols:
                 words = bench_words(chosen, dataset, protocol)
                 done = subprocess.run([sys.executable, "-m", "ssiam", *words])
                 if done.returncode == 2:  # 3: a run failed, and the others are there

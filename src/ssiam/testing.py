@@ -7,7 +7,8 @@ On the command line: ``ssiam check-tracker package.module:Class``. In a test of 
         check(MyTracker)
 
 Each check makes trackers by calling its argument, and runs them on views of a generated clip. It
-raises `ContractError`, or returns whether it applies: `seek` is only checked if there is one.
+raises `ContractError`, or returns whether it applies: `seek` is only checked if there is one, and
+`respond` for a `CompleteTracker` with `has_responses`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from ssiam.geometry import IDENTITY, XYWH, Image, frame_center, map_box, rigid
 from ssiam.stabilize import METHODS, FrameView, StabilizerConfig
 from ssiam.track import Track
 from ssiam.trackers import StabilizedTracker, ViewTracker
+from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.foreign import ForeignTracker
 
 __all__ = ["CHECKS", "Check", "Outcome", "run_checks"]
@@ -356,6 +358,33 @@ def _seeks(make: Make) -> bool:
     return True
 
 
+def _lists_candidates(make: Make) -> bool:
+    tracker, plain = make(), make()
+    if not isinstance(tracker, CompleteTracker) or not tracker.has_responses:
+        return False
+    frames, boxes = _clip()
+    for each in (tracker, plain):
+        each.init(FrameView(frames[0]), boxes[0])
+    for index, frame in enumerate(frames[1:], start=1):
+        view = FrameView(frame)
+        tracker.respond(view)
+        response = tracker.respond(view)
+        track = tracker.accept(view, response, response.best)
+        if _numbers([track]) != _numbers([plain.update(view)]):
+            raise ContractError(
+                f"in frame {index} the best candidate is not the result of update, or respond "
+                "changes the tracker"
+            )
+        _check_near(
+            Track(response.xywh(response.best)), track.box, f"of a candidate, frame {index},"
+        )
+    x, y, w, h = boxes[-1]
+    tracker.move_to((x + 0.2 * w, y - 0.2 * h, w, h))
+    response = tracker.respond(FrameView(frames[-1]))
+    _check_near(Track(response.xywh(response.best)), boxes[-1], "after move_to near the target")
+    return True
+
+
 def _are_independent(make: Make) -> bool:
     frames, boxes = _clip()
     first = _tracker(make)
@@ -400,6 +429,7 @@ CHECKS: Final = (
     Check("tiny frames", _bears_tiny_frames),
     Check("frames of one color", _bears_flat_frames),
     Check("seek finds the target near a given box", _seeks),
+    Check("the best candidate is the result of update", _lists_candidates),
     Check("several trackers are independent", _are_independent),
     Check("exceptions are not swallowed", _lets_exceptions_through),
 )

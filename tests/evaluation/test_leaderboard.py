@@ -1,5 +1,6 @@
 """benchmarks/leaderboard: the page of result files of `ssiam bench`."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from ssiam.evaluation.runs.result_files import read_boxes, read_vot
 
 pytest.importorskip("matplotlib")
 sys.path.insert(0, str(Path(__file__).parents[2]))
+from benchmarks.leaderboard import page
 from benchmarks.leaderboard.page import write_leaderboard
 
 
@@ -44,6 +46,31 @@ def test_the_page_has_its_plots_and_title(board):
         "success-drawn-sequences.png",
     }
     assert (folder / "tables.html").read_text().count("Shake leaderboard") == 2
+
+
+def test_rows_of_trackers_that_lose_equally_many_stay_together(board, tmp_path):
+    folder, _ = board
+    for other in ("kcf", "mil"):
+        for method in ("off", "predict"):
+            runs = folder / "raw" / "drawn" / f"kcf-{method}"
+            shutil.copytree(runs, tmp_path / "raw" / "drawn" / f"{other}-{method}")
+    write_leaderboard(tmp_path, {"drawn": folder / "drawn"})
+    lines = (tmp_path / "tables.md").read_text().splitlines()
+    found = [line.split("|")[1].strip() for line in lines if line.startswith(("| kcf", "| mil"))]
+    assert found == ["kcf", "kcf", "mil", "mil"]
+
+
+def test_all_points_of_a_plot_are_inside_of_its_panels(monkeypatch):
+    figures = []
+    monkeypatch.setattr(page, "png", lambda figure: figures.append(figure) or b"")
+    found = {
+        ("kcf", "off"): {0.0: page._Cell([1.0], 1000), 0.03: page._Cell([2.0], 1000)},
+        ("mil", "off"): {0.0: page._Cell([1.0], 1000), 0.03: page._Cell([9.0], 1000)},
+    }
+    page._plot("drawn", "lost", "lost targets", found, list(found), [0.0, 0.03], page._lost_rate)
+    for axes in figures[0].axes:
+        assert axes.get_ylim()[0] == 0
+        assert axes.get_ylim()[1] >= 9
 
 
 @pytest.mark.parametrize("shake", ["", "shake-white-0.03-seed0/"])

@@ -111,6 +111,27 @@ def marker_maps(side=25):
     return Stub(answer)
 
 
+def marker_cells(crop, side):
+    """Logits (side, side), high at the marker's center, and distances (4, side, side) of boxes.
+
+    The boxes of cells near the center are the marker's, those of the others 16 px large.
+    """
+    logits = np.full((side, side), -8, np.float32)
+    distances = np.full((4, side, side), 8, np.float32)
+    rows, columns = np.nonzero(marked(crop))
+    if len(rows):
+        offsets = (np.arange(side) - side // 2) * 16
+        y, x = np.meshgrid(offsets, offsets, indexing="ij")
+        middle = crop.shape[-1] / 2
+        left, right = columns.min() - middle, columns.max() + 1 - middle
+        top, bottom = rows.min() - middle, rows.max() + 1 - middle
+        near = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2) < 17
+        logits[near] = 8
+        edges = np.stack([x - left, y - top, right - x, bottom - y])
+        distances[:, near] = edges[:, near]
+    return logits, distances
+
+
 def marker_features():
     """As `marker_maps`, with x0 = 1 on the marker: feature i is crop pixel 2 * i + 3."""
     maps = marker_maps()

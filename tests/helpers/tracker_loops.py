@@ -11,7 +11,7 @@ from helpers.stub_networks import MARKER
 from ssiam import FrameView
 from ssiam.errors import ArgumentError
 from ssiam.geometry import frame_center, map_box, rigid
-from ssiam.trackers import siamrpn
+from ssiam.trackers.distractors import DistractorTracker
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 OPENCV = cv2.__version__.split(".")[0]
@@ -60,14 +60,13 @@ def assert_crops(z, template, search):
 def recorded_indices(monkeypatch):
     """A list to which the index of each candidate selected from now on is appended."""
     indices = []
-    select = siamrpn.select_candidate
+    update = DistractorTracker.update
 
-    def recording(*arguments):
-        best, penalty = select(*arguments)
+    def recording(distractors, candidates, best):
         indices.append(best)
-        return best, penalty
+        update(distractors, candidates, best)
 
-    monkeypatch.setattr(siamrpn, "select_candidate", recording)
+    monkeypatch.setattr(DistractorTracker, "update", recording)
     return indices
 
 
@@ -153,6 +152,37 @@ class LoopTests:
         stab_box = map_box(stab_from_raw, far)
         track = tracker.seek(FrameView(marker_frame(far), stab_from_raw, border=20), stab_box)
         assert center_distance(track.box, stab_box) < 2.0
+
+    def test_the_best_candidate_is_that_of_update(self):
+        tracker, frames = self.started()
+        if not tracker.has_responses:
+            pytest.skip("the tracker lists no candidates")
+        plain, _ = self.started()
+        for frame in frames[1:]:
+            view = FrameView(frame, TRANSFORMS[2].values[0])
+            first, response = tracker.respond(view), tracker.respond(view)
+            np.testing.assert_array_equal(first.ranked, response.ranked, "respond changes nothing")
+            track, expected = tracker.accept(view, response, response.best), plain.update(view)
+            assert (track.box, track.score) == (expected.box, expected.score)
+            assert response.objects == [response.best]
+            best = response.xywh(response.best)
+            assert center_distance(best, track.box) < 1.0  # FEAR's boxes are in whole pixels
+
+    def test_another_candidate_can_be_taken(self):
+        tracker, frames = self.started()
+        if not tracker.has_responses:
+            pytest.skip("the tracker lists no candidates")
+        x, y = frames[1].shape[1] / 2, 70.0
+        view = FrameView(frames[1])
+        response = tracker.respond(view)
+        other = int(np.hypot(response.boxes[0] - x, response.boxes[1] - y).argmin())
+        track = tracker.accept(view, response, other)
+        assert center_distance(track.box, response.xywh(other)) < 1.0
+        far = (230.0, 40.0, 40.0, 40.0)
+        tracker.move_to((226.0, 44.0, 40.0, 40.0))
+        view = FrameView(marker_frame(far))
+        response = tracker.respond(view)
+        assert center_distance(response.xywh(response.best), far) < 2.0
 
     def test_a_clone_shares_no_state(self):
         frames, _ = moving_marker(BOX)

@@ -234,7 +234,7 @@ def test_a_disabled_tracker_finds_nothing():
     for _ in range(5):
         found = tracker.detect(POSITIONS, score_map((*TARGET, 0.6), (*DISTRACTOR, 0.3)), state())
         tracker.update(found, cell(TARGET))
-    assert found.peaks == []
+    assert tracker._distractors == []
     assert not found.is_distractor.any()
     assert found.target_size == SIZE
 

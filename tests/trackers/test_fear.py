@@ -6,14 +6,24 @@ import numpy as np
 import pytest
 
 import ssiam
-from helpers.stub_networks import Stub
+from helpers.stub_networks import Stub, marker_cells
 from helpers.synthetic import world
+from helpers.tracker_loops import LoopTests
 from ssiam import FrameView
 from ssiam.cli import main
 from ssiam.errors import WeightsError
 from ssiam.geometry import rigid
 from ssiam.runtime import RuntimeOptions
-from ssiam.trackers.fear import CONFIDENCE, FearNetworks, FearXs, _expanded, _whole_pixels
+from ssiam.trackers.fear import (
+    _MEAN_RGB,
+    CONFIDENCE,
+    PARAMETERS,
+    FearNetworks,
+    FearXs,
+    _expanded,
+    _mean_color,
+    _whole_pixels,
+)
 from ssiam.trackers.siamese import SearchParameters
 
 FRAME = world(1, (320, 240))
@@ -38,6 +48,17 @@ def tracker_of(search, parameters=None):
     networks = FearNetworks(template, search)
     parameters = parameters or SearchParameters(0.0, 0.0, 1.0)
     return FearXs(networks, parameters), template
+
+
+def marker_search(t, crop, features):
+    """A search network that detects the marker."""
+    logits, distances = marker_cells(crop[0] + np.array(_MEAN_RGB)[:, None, None], 16)
+    return [distances[None], logits[None, None]]
+
+
+class TestFearLoop(LoopTests):
+    def tracker(self):
+        return tracker_of(Stub(marker_search), PARAMETERS)[0]
 
 
 def test_the_crops_are_stretched_rgb_without_the_mean():
@@ -94,6 +115,12 @@ def test_seek_begins_at_whole_pixels():
 def test_boxes_are_whole_pixels_inside_of_the_frame(xywh, expected):
     assert _whole_pixels(xywh, (320, 240)) == expected
     assert _whole_pixels((0, 0, 9, 9), (2, 1)) == (0, 0, 2, 1)
+
+
+def test_the_mean_color_is_numpys():
+    image = np.random.default_rng(1).integers(0, 256, (37, 53, 3), np.uint8)
+    for each in (image, image[5:, 7:40], np.full((11, 3, 3), 201, np.uint8)):
+        np.testing.assert_array_equal(_mean_color(each), each.mean(axis=(0, 1)))
 
 
 def test_margins_are_truncated():

@@ -37,9 +37,8 @@ def response(*found):
     boxes = np.array([(x + w / 2, y + h / 2, w, h) for (x, y, w, h), _ in found]).T
     score = np.array([each for _, each in found])
     indices = np.arange(len(found))
-    answer = Response(
-        boxes, score, -indices.astype(float), list(indices), lambda peak: indices == peak, None
-    )
+    groups = [indices == each for each in indices]
+    answer = Response(boxes, score, -indices.astype(float), lambda: groups, None)
     return FrameResponse(FrameView(FRAME), answer)
 
 

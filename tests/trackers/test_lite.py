@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helpers.stub_networks import Stub, marked
+from helpers.stub_networks import Stub, marked, marker_cells
 from helpers.tracker_loops import BOX, LoopTests, moving_marker
 from ssiam import FrameView
 from ssiam.errors import ArgumentError, WeightsError
@@ -17,22 +17,11 @@ def marker_search(distractor=0.0):
     """Search network with distances to the marker's edges; `distractor` is a corner's score."""
 
     def answer(t, crop, *kernels):
-        score = np.full((1, 1, 15, 15), -8, np.float32)
-        quality = np.full((1, 1, 15, 15), 8, np.float32)
-        distances = np.full((1, 4, 15, 15), 8, np.float32)
-        rows, columns = np.nonzero(marked(crop[0]))
-        if len(rows):
-            offsets = (np.arange(15) - 7) * 16
-            y, x = np.meshgrid(offsets, offsets, indexing="ij")
-            left, right = columns.min() - 127.5, columns.max() - 126.5
-            top, bottom = rows.min() - 127.5, rows.max() - 126.5
-            distances[0] = x - left, y - top, right - x, bottom - y
-            distance = np.hypot(x - (left + right) / 2, y - (top + bottom) / 2)
-            score[0, 0][distance < 17] = 8
+        score, distances = marker_cells(crop[0], 15)
         if distractor:
-            score[0, 0, 0, 0] = np.log(distractor / (1 - distractor))
-            distances[0, :, 0, 0] = 8
-        return [score, quality, distances]
+            score[0, 0] = np.log(distractor / (1 - distractor))
+        quality = np.full((1, 1, 15, 15), 8, np.float32)
+        return [score[None, None], quality, distances[None]]
 
     return Stub(answer)
 

@@ -64,6 +64,7 @@ def test_the_default_tracker_and_method():
     tracker = ssiam.load_tracker()
     assert registry.DEFAULT_TRACKER == "lite"
     assert type(tracker._tracker) is LiteTracker
+    assert tracker._tracker.prefers_prediction
     assert tracker.config == StabilizerConfig("predict")
     assert ssiam.load_tracker("kcf", stabilize="paper").config == StabilizerConfig("paper")
     config = StabilizerConfig("literal").with_options(border=3)
@@ -102,6 +103,7 @@ def test_nanotrack_is_loaded_with_its_numbers(monkeypatch, tmp_path, name):
     assert calls == [(name, tmp_path, RuntimeOptions(precision="bf16"))]
     assert found._networks is networks
     assert (found._parameters, found._confidence) == (PARAMETERS[name], CONFIDENCE[name])
+    assert found.prefers_prediction == (name == "nanotrack_v3")
 
 
 @pytest.mark.parametrize("name", SIAMESE)

@@ -3,13 +3,32 @@
 import numpy as np
 import pytest
 
-from helpers.stub_networks import Stub
+from helpers.stub_networks import Stub, marker_cells
+from helpers.tracker_loops import LoopTests
 from ssiam import FrameView
 from ssiam.errors import WeightsError
 from ssiam.runtime import RuntimeOptions, loading
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.nanotrack import NanoTrack, NanoTrackNetworks
+from ssiam.trackers.nanotrack import PARAMETERS, NanoTrack, NanoTrackNetworks
 from ssiam.trackers.siamese import SearchParameters
+
+
+def marker_head(t, kernel, crop):
+    """A head on the crop itself that detects the marker."""
+    logits, distances = marker_cells(crop[0], 16)
+    return [np.stack([0 * logits, logits])[None], distances[None]]
+
+
+class TestNanoTrackLoop(LoopTests):
+    def tracker(self):
+        head = Stub(marker_head)
+        head.output_shapes = [(1, 2, 16, 16), (1, 4, 16, 16)]
+        same = Stub(lambda t, crop: [crop])
+        confidence = Confidence((1.0, 0.0), 0.0)
+        return NanoTrack(
+            NanoTrackNetworks(same, same, head), PARAMETERS["nanotrack_v2"], confidence
+        )
+
 
 FEATURES = {
     "nanotrack_v1": (48, 16, 18),

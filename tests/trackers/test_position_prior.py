@@ -19,7 +19,7 @@ def response(*candidates):
     x, y, ranked = np.array(candidates, float).T
     size = np.full(len(x), 30.0)
     boxes = np.stack([x + 15, y + 15, size, size])
-    return Response(boxes, ranked, ranked, list(range(len(x))), lambda peak: x == x[peak], None)
+    return Response(boxes, ranked, ranked, lambda: [x == each for each in x], None)
 
 
 def test_the_rank_is_halved_at_the_halving_distance():
@@ -69,12 +69,19 @@ class TwoOfAKind(CompleteTracker):
         return Track(self.xywh, float(found.score[index]))
 
 
-@pytest.mark.parametrize("prefer", [True, False])
-def test_a_look_alike_far_from_the_prediction_is_not_taken(prefer):
+class WithoutPreference(TwoOfAKind):
+    """The same, whose own ranks decide."""
+
+    prefers_prediction = False
+
+
+@pytest.mark.parametrize(
+    ("kind", "option", "prefer"),
+    [(TwoOfAKind, True, True), (TwoOfAKind, False, False), (WithoutPreference, True, False)],
+)
+def test_a_look_alike_far_from_the_prediction_is_not_taken(kind, option, prefer):
     frame = world(1, (320, 240))
-    tracker = StabilizedTracker(
-        TwoOfAKind(), StabilizerConfig("predict").with_options(prefer=prefer)
-    )
+    tracker = StabilizedTracker(kind(), StabilizerConfig("predict").with_options(prefer=option))
     tracker.init(frame, BOX)
     boxes = [tracker.update(frame).box for _ in range(14)]
     assert boxes[8] == pytest.approx(BOX)

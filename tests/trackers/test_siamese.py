@@ -21,7 +21,7 @@ from ssiam.trackers.siamese import (
     min_size,
     min_size_iou,
     next_state,
-    select_candidate,
+    ranked_candidates,
     sigmoid,
     updated_state,
 )
@@ -57,9 +57,10 @@ def test_loop_is_the_reference(golden, video):
         assert round(SEARCH_SIDE / zoom) == z[f"{video}_s_x"][t - 1]
         boxes, score = stub_candidates(t)
         size = np.array(state.size_wh) * zoom
-        best, penalty = select_candidate(boxes, score, size, window, SIAMRPN)
+        ranked, penalty = ranked_candidates(boxes, score, size, window, SIAMRPN)
+        best = int(np.argmax(ranked))
         assert best == z[f"{video}_best_idx"][t - 1]
-        rate = penalty * score[best] * SIAMRPN.lr
+        rate = penalty[best] * score[best] * SIAMRPN.lr
         state = next_state(state, boxes[:, best], zoom, rate, FrameView(frame))
         assert state.center_xy == pytest.approx(z[f"{video}_center"][t - 1], abs=1e-5)
         assert state.size_wh == pytest.approx(z[f"{video}_size"][t - 1], abs=1e-5)
@@ -170,7 +171,7 @@ def test_changes_of_size_and_aspect_are_penalized():
 
     def penalty(w, h):
         boxes = np.array([[0.0], [0], [w], [h]])
-        return select_candidate(boxes, np.ones(1), size, np.ones(1), parameters)[1]
+        return ranked_candidates(boxes, np.ones(1), size, np.ones(1), parameters)[1].item()
 
     assert penalty(40, 20) == 1
     assert penalty(80, 40) == penalty(20, 10) == pytest.approx(np.exp(-0.5))
@@ -182,7 +183,9 @@ def test_the_window_prefers_near_candidates():
     score, window, size = np.array([0.6, 0.8]), np.array([1.0, 0.0]), np.array([40.0, 20.0])
     for influence, best in ((0.0, 1), (0.1, 1), (0.2, 0), (1.0, 0)):
         parameters = SearchParameters(0.1, influence, 0.3)
-        assert select_candidate(boxes, score, size, window, parameters) == (best, 1.0)
+        ranked, penalty = ranked_candidates(boxes, score, size, window, parameters)
+        assert np.argmax(ranked) == best
+        assert penalty.tolist() == [1.0, 1.0]
 
 
 def test_boxes_of_distances():

@@ -107,6 +107,11 @@ class CompleteTracker(DeepCopied, ABC):
         """The network for the mask of the object in a box, if the tracker has one."""
         return None
 
+    @property
+    def prefers_prediction(self) -> bool:
+        """Whether candidates near the predicted position are ranked higher."""
+        return self.has_responses
+
     @abstractmethod
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""

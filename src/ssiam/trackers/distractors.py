@@ -11,7 +11,8 @@ ICCV 2021, learns to associate such candidates; here only their positions are us
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import cv2
@@ -51,8 +52,8 @@ class ScoredCandidates:
         0..1.
     target_size : float
         Geometric mean of the target's sides, view pixels.
-    peaks : list of int
-        Indices of the highest local maxima, one for each object.
+    anchors : int
+        Candidates in each cell of the map.
     is_distractor : (n,) bool
         Whether each candidate belongs to a distractor.
     """
@@ -60,8 +61,13 @@ class ScoredCandidates:
     positions_xy: Floats
     score: Floats
     target_size: float
-    peaks: list[int]
+    anchors: int
     is_distractor: Flags
+
+    @cached_property
+    def peaks(self) -> list[int]:
+        """Indices of the highest local maxima, one for each object, by descending score."""
+        return _peaks(self.positions_xy, self.score, self.target_size, self.anchors)
 
     @property
     def allowed_score(self) -> Floats:
@@ -71,6 +77,10 @@ class ScoredCandidates:
     def near(self, peak: int) -> Flags:
         """Whether each candidate (n,) belongs to the object of a peak."""
         return self.distances(self.positions_xy, self.positions_xy[peak]) < _SAME_OBJECT
+
+    def groups(self) -> list[Flags]:
+        """For each object, which of the candidates (n,) belong to it, by descending score."""
+        return [self.near(peak) for peak in self.peaks]
 
     def distances(self, positions_xy: Floats, xy: Floats) -> Floats:
         """Distances (n,) of positions (n, 2) from a point (2,), in target sizes."""
@@ -121,20 +131,21 @@ class DistractorTracker:
         """
         size = math.sqrt(math.prod(last.size_wh))
         flags = np.zeros(len(score), dtype=np.bool_)
-        peaks = _peaks(positions_xy, score, size, anchors) if self._enabled else []
-        candidates = ScoredCandidates(positions_xy, score, size, peaks, flags)
-        if not peaks or self._target_score < _MIN_TARGET_SCORE:
+        candidates = ScoredCandidates(positions_xy, score, size, anchors, flags)
+        if not self._enabled or self._target_score < _MIN_TARGET_SCORE or not candidates.peaks:
             return candidates
         from_target = candidates.distances(positions_xy, np.asarray(last.center_xy))
-        if (from_target[peaks] < _SAME_OBJECT).any():
+        if (from_target[candidates.peaks] < _SAME_OBJECT).any():
             max_score = _MAX_RATIO * self._target_score
             for distractor in self._distractors:
                 if distractor.frames >= _MIN_FRAMES and distractor.score < max_score:
-                    flags = flags | _candidates_of(distractor, candidates, from_target)
-        return replace(candidates, is_distractor=flags)
+                    flags |= _candidates_of(distractor, candidates, from_target)
+        return candidates
 
     def update(self, candidates: ScoredCandidates, best: int) -> None:
         """Take candidate `best` as the target, and the other peaks as distractors."""
+        if not self._enabled:
+            return
         best_score = float(candidates.score[best])
         self._target_score = (
             _running_mean(self._target_score, best_score) if self._target_score else best_score

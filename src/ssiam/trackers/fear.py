@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -24,18 +24,18 @@ from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.stabilize.view import Crop
 from ssiam.track import Track
+from ssiam.trackers.candidates import CandidateTracker, Details
 from ssiam.trackers.confidence import Confidence
 from ssiam.trackers.distractors import DistractorTracker
+from ssiam.trackers.responses import Response
 from ssiam.trackers.siamese import (
     Floats,
     SearchParameters,
-    SiameseTracker,
     TargetState,
     boxes_from_distances,
     cosine_window,
     flattened,
     grid_points,
-    select_candidate,
     sigmoid,
 )
 
@@ -124,7 +124,15 @@ class _Target:
     distractors: DistractorTracker
 
 
-class FearXs(SiameseTracker[_Target]):
+class _Outputs(NamedTuple):
+    """What `FearXs.accept` needs of a search."""
+
+    scale: Floats  # (2,) px of the view per px of the search crop, in x and y
+    last_wh: Floats  # (2,) size of the target, px of the search crop
+    logits: Tensor  # (n,)
+
+
+class FearXs(CandidateTracker[_Target]):
     """FEAR's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -147,11 +155,9 @@ class FearXs(SiameseTracker[_Target]):
         *,
         distractors: bool = False,
     ) -> None:
-        super().__init__(distractors)
+        super().__init__(parameters, cosine_window(_SIDE), distractors)
         self._networks = networks
-        self._parameters = parameters
         self._confidence = confidence
-        self._window = cosine_window(_SIDE)
         offsets = (np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE)
         self._points = grid_points(offsets + _SEARCH_SIDE / 2)
 
@@ -161,8 +167,8 @@ class FearXs(SiameseTracker[_Target]):
         (features,) = self._networks.template(crop.tensor(rgb=True, mean=_MEAN_RGB))
         self._start(_Target(xywh, features, DistractorTracker(self._has_distractors)))
 
-    def update(self, view: FrameView) -> Track:
-        """The target in the next view."""
+    def respond(self, view: FrameView) -> Response:
+        """The candidates in the next view."""
         target = self._target
         crop = _resampled(view, _expanded(target.xywh, _SEARCH_MARGIN), _SEARCH_SIDE)
         distances, logits = self._networks.search(
@@ -171,21 +177,31 @@ class FearXs(SiameseTracker[_Target]):
         scale, corner = crop.view_from_crop.diagonal()[:2], crop.view_from_crop[:2, 2]
         last_wh = np.array(target.xywh[2:]) / scale
         boxes = boxes_from_distances(distances, self._points)
-        candidates = target.distractors.detect(
-            boxes[:2].T * scale + corner,
-            sigmoid(logits),
+        boxes[2:] = np.maximum(boxes[2:], _MIN_CANDIDATE)
+        view_boxes = (boxes.reshape(2, 2, -1) * scale[:, None]).reshape(4, -1)
+        view_boxes[:2] += corner[:, None]
+        return self._response(
+            target.distractors,
             TargetState.from_reported_xywh(target.xywh),
+            sigmoid(logits),
+            (view_boxes, boxes),
+            last_wh,
+            _Outputs(scale, last_wh, logits.ravel()),
         )
-        usable = np.vstack([boxes[:2], np.maximum(boxes[2:], _MIN_CANDIDATE)])
-        score = candidates.allowed_score
-        best, penalty = select_candidate(usable, score, last_wh, self._window, self._parameters)
-        target.distractors.update(candidates, best)
-        rate = penalty * score[best] * self._parameters.lr
-        center_xy = boxes[:2, best] * scale + corner
-        size_wh = (last_wh + rate * (boxes[2:, best] - last_wh)) * scale
-        (x, y), (w, h) = (center_xy - size_wh / 2).tolist(), size_wh.tolist()
+
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate as the target."""
+        target = self._target
+        details: Details = response.details
+        outputs: _Outputs = details.outputs
+        target.distractors.update(details.candidates, index)
+        rate = self._learning_rate(response, index)
+        size_wh = outputs.last_wh + rate * (details.boxes[2:, index] - outputs.last_wh)
+        size_wh = size_wh * outputs.scale
+        corner_xy = response.boxes[:2, index] - size_wh / 2
+        (x, y), (w, h) = corner_xy.tolist(), size_wh.tolist()
         target.xywh = _whole_pixels((x, y, w, h), view.size_wh)
-        evidence = (float(np.clip(logits.ravel()[best], *_LOGIT_RANGE)),)
+        evidence = (float(np.clip(outputs.logits[index], *_LOGIT_RANGE)),)
         return Track(target.xywh, self._confidence.probability(evidence), evidence=evidence)
 
     def seek(self, view: FrameView, xywh: XYWH) -> Track:

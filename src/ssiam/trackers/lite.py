@@ -19,16 +19,17 @@ from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.box_mask import MASK_SHAPES, BoxMask
+from ssiam.trackers.candidates import CandidateTracker, Details
 from ssiam.trackers.confidence import Confidence
-from ssiam.trackers.distractors import DistractorTracker, ScoredCandidates
+from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.responses import Response
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
     SearchParameters,
-    SiameseTracker,
     TargetState,
     boxes_from_distances,
+    boxes_in_view,
     cosine_window,
     crop_corner,
     crop_tensor,
@@ -37,7 +38,6 @@ from ssiam.trackers.siamese import (
     min_size,
     min_size_iou,
     next_state,
-    ranked_candidates,
     sigmoid,
 )
 
@@ -160,17 +160,14 @@ class _Target:
     distractors: DistractorTracker
 
 
-class _Details(NamedTuple):
-    """What `LiteTracker.accept` needs of a response."""
+class _Outputs(NamedTuple):
+    """What `LiteTracker.accept` needs of a search."""
 
-    candidates: ScoredCandidates
-    boxes: Floats  # (4, n) cx, cy, w, h in px of the search crop
     zoom: float  # px of the search crop per px of the view
-    penalty: Floats  # (n,)
     logits: tuple[Tensor, Tensor]  # of score and quality, (n,)
 
 
-class LiteTracker(SiameseTracker[_Target]):
+class LiteTracker(CandidateTracker[_Target]):
     """The loop of `lite`.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -201,18 +198,14 @@ class LiteTracker(SiameseTracker[_Target]):
         mask_threshold: float = MASK_THRESHOLD,
         distractors: bool = True,
     ) -> None:
-        super().__init__(distractors)
+        super().__init__(parameters, cosine_window(_SIDE), distractors)
         self._networks = networks
-        self._parameters = parameters
         self._confidence = confidence
         self._memory = memory
         self._box_mask = (
             BoxMask(networks.mask, mask_threshold) if masks and networks.mask is not None else None
         )
-        self._window = cosine_window(_SIDE)
         self._points = grid_points((np.arange(_SIDE) - _SIDE // 2) * float(_STRIDE))
-
-    has_responses = True
 
     @property
     def box_mask(self) -> BoxMask | None:
@@ -228,11 +221,6 @@ class LiteTracker(SiameseTracker[_Target]):
         min_wh = min_size(state.size_wh)
         self._start(_Target(state, min_wh, kernels, fill, kernels[-1], 0, distractors))
 
-    def update(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners if there is a network for them."""
-        response = self.respond(view)
-        return self.accept(view, response, response.best)
-
     def respond(self, view: FrameView) -> Response:
         """The candidates in the next view."""
         target, last = self._target, self._target.state
@@ -247,28 +235,27 @@ class LiteTracker(SiameseTracker[_Target]):
         # The crop's corner is in whole pixels: its center is not exactly the target's.
         crop_offset = crop_corner(last.center_xy, side) + side / 2 - last.center_xy
         boxes[:2] += crop_offset[:, None] * zoom
-        size = np.array(last.size_wh) * zoom
-        positions_xy = boxes[:2].T / zoom + last.center_xy
-        candidates = target.distractors.detect(positions_xy, score, last)
-        ranked, penalty = ranked_candidates(
-            boxes, candidates.allowed_score, size, self._window, self._parameters
-        )
         logits = scores.ravel(), qualities.ravel()
-        details = _Details(candidates, boxes, zoom, penalty, logits)
-        view_boxes = np.vstack([positions_xy.T, boxes[2:] / zoom])
-        peaks, near = candidates.peaks, candidates.near
-        return Response(view_boxes, score, ranked, peaks, near, details)
+        return self._response(
+            target.distractors,
+            last,
+            score,
+            (boxes_in_view(boxes, zoom, last), boxes),
+            np.array(last.size_wh) * zoom,
+            _Outputs(zoom, logits),
+        )
 
     def accept(self, view: FrameView, response: Response, index: int) -> Track:
-        """Take a candidate as the target."""
-        target, last, score = self._target, self._target.state, response.score
-        details: _Details = response.details
-        boxes, zoom = details.boxes, details.zoom
+        """Take a candidate as the target; with mask and corners if there is a network for them."""
+        target = self._target
+        details: Details = response.details
+        outputs: _Outputs = details.outputs
+        boxes, zoom = details.boxes, outputs.zoom
         target.distractors.update(details.candidates, index)
-        rate = details.penalty[index] * score[index] * self._parameters.lr
-        target.state = next_state(last, boxes[:, index], zoom, rate, view, target.min_wh)
-        self._update_memory(target, view, boxes, score, index)
-        logits = (float(logits[index]) for logits in details.logits)
+        rate = self._learning_rate(response, index)
+        target.state = next_state(target.state, boxes[:, index], zoom, rate, view, target.min_wh)
+        self._update_memory(target, view, boxes, response.score, index)
+        logits = (float(logits[index]) for logits in outputs.logits)
         evidence = tuple(float(np.clip(logit, *_LOGIT_RANGE)) for logit in logits)
         probability = self._confidence.probability(evidence)
         probability *= min_size_iou(target.state, boxes[2:, index] / zoom, target.min_wh)

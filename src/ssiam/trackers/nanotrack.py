@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -17,15 +17,17 @@ from ssiam.geometry import XYWH
 from ssiam.runtime import Network, Precision, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
+from ssiam.trackers.candidates import CandidateTracker, Details
 from ssiam.trackers.confidence import Confidence, RunningBaseline, box_feature
 from ssiam.trackers.distractors import DistractorTracker
+from ssiam.trackers.responses import Response
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
     SearchParameters,
-    SiameseTracker,
     TargetState,
     boxes_from_distances,
+    boxes_in_view,
     cosine_window,
     crop_tensor,
     flattened,
@@ -34,7 +36,6 @@ from ssiam.trackers.siamese import (
     min_size,
     min_size_iou,
     next_state,
-    select_candidate,
 )
 
 NanoTrackName: TypeAlias = Literal["nanotrack_v1", "nanotrack_v2", "nanotrack_v3"]
@@ -62,6 +63,10 @@ CONFIDENCE: Final[dict[NanoTrackName, Confidence]] = {  # of logit and similarit
     "nanotrack_v2": Confidence((0.81, 23.0), -3.5),
     "nanotrack_v3": Confidence((0.48, 31.0), -1.9),
 }
+
+# Whose candidates are ranked by the prediction too; on the videos that decide, v1 loses by it
+# (docs/decisions/0013-candidates-near-the-prediction.md).
+PREFERRING: Final[tuple[NanoTrackName, ...]] = ("nanotrack_v3",)
 
 
 @dataclass(frozen=True)
@@ -152,7 +157,15 @@ class _Target:
     distractors: DistractorTracker
 
 
-class NanoTrack(SiameseTracker[_Target]):
+class _Outputs(NamedTuple):
+    """What `NanoTrack.accept` needs of a search."""
+
+    zoom: float  # px of the search crop per px of the view
+    features: Tensor  # of the search crop
+    logits: Tensor  # (n,)
+
+
+class NanoTrack(CandidateTracker[_Target]):
     """NanoTrack's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -169,6 +182,8 @@ class NanoTrack(SiameseTracker[_Target]):
         similarity between the candidate's features and the template's.
     distractors : bool
         Whether objects like the target are recognized by their positions.
+    prefers_prediction : bool
+        Whether candidates near the predicted position are ranked higher.
     """
 
     def __init__(
@@ -178,13 +193,13 @@ class NanoTrack(SiameseTracker[_Target]):
         confidence: Confidence,
         *,
         distractors: bool = False,
+        prefers_prediction: bool = True,
     ) -> None:
-        super().__init__(distractors)
-        self._networks = networks
-        self._parameters = parameters
-        self._confidence = confidence
         side = networks.head.output_shapes[0][-1]
-        self._window = cosine_window(side)
+        super().__init__(parameters, cosine_window(side), distractors)
+        self._networks = networks
+        self._confidence = confidence
+        self.prefers_prediction = prefers_prediction
         self._points = grid_points((np.arange(side) - side // 2) * float(_STRIDE))
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
@@ -199,32 +214,40 @@ class NanoTrack(SiameseTracker[_Target]):
         baseline, distractors = RunningBaseline(), DistractorTracker(self._has_distractors)
         self._start(_Target(state, min_wh, kernel, feature, fill, baseline, distractors))
 
-    def update(self, view: FrameView) -> Track:
-        """The target in the next view."""
+    def respond(self, view: FrameView) -> Response:
+        """The candidates in the next view."""
         target, last = self._target, self._target.state
         zoom = TEMPLATE_SIDE / last.context_side
         crop = view.crop_square(last.center_xy, round(SEARCH_SIDE / zoom), SEARCH_SIDE, target.fill)
         (features,) = self._networks.search(crop_tensor(crop))
         score_maps, distances = self._networks.head(target.kernel, features)
-        score = foreground_probability(score_maps)
         boxes = boxes_from_distances(distances, self._points)
-        size = np.array(last.size_wh) * zoom
-        positions_xy = boxes[:2].T / zoom + last.center_xy
-        candidates = target.distractors.detect(positions_xy, score, last)
-        best, penalty = select_candidate(
-            boxes, candidates.allowed_score, size, self._window, self._parameters
+        background, foreground = score_maps[0].reshape(2, -1)
+        return self._response(
+            target.distractors,
+            last,
+            foreground_probability(score_maps),
+            (boxes_in_view(boxes, zoom, last), boxes),
+            np.array(last.size_wh) * zoom,
+            _Outputs(zoom, features, foreground - background),
         )
-        target.distractors.update(candidates, best)
-        rate = penalty * score[best] * self._parameters.lr
-        target.state = next_state(last, boxes[:, best], zoom, rate, view, target.min_wh)
-        background, foreground = score_maps[0].reshape(2, -1)[:, best]
-        similarity = float(target.feature @ box_feature(features, _STRIDE, boxes[:, best]))
-        logit = float(np.clip(foreground - background, *_LOGIT_RANGE))
+
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate as the target."""
+        target = self._target
+        details: Details = response.details
+        outputs: _Outputs = details.outputs
+        box, zoom = details.boxes[:, index], outputs.zoom
+        target.distractors.update(details.candidates, index)
+        rate = self._learning_rate(response, index)
+        target.state = next_state(target.state, box, zoom, rate, view, target.min_wh)
+        similarity = float(target.feature @ box_feature(outputs.features, _STRIDE, box))
+        logit = float(np.clip(outputs.logits[index], *_LOGIT_RANGE))
         weight = float(np.clip((_CERTAIN_LOGIT - logit) / _LOGIT_SPAN, 0, 1))
         drop = target.similarity.update(similarity, confident=logit > _BASELINE_LOGIT)
         evidence = logit, weight * drop
         probability = self._confidence.probability(evidence)
-        probability *= min_size_iou(target.state, boxes[2:, best] / zoom, target.min_wh)
+        probability *= min_size_iou(target.state, box[2:] / zoom, target.min_wh)
         return Track(target.state.xywh, score=probability, evidence=evidence)
 
     def template_feature(self) -> Floats:

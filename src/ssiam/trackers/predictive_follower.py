@@ -217,7 +217,7 @@ class PredictiveFollower:
     def _response(self, view: FrameView, search_xywh: XYWH) -> Response:
         """The tracker's candidates, ranked also by their distance from the prediction."""
         response = self._tracker.respond(view)
-        if not self._config.predict.prefer:
+        if not (self._config.predict.prefer and self._tracker.prefers_prediction):
             return response
         stab_xywh = map_box(view.stab_from_raw, search_xywh)
         return near_prediction(response, stab_xywh, self._prediction.error)

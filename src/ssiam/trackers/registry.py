@@ -30,6 +30,7 @@ from ssiam.trackers.named_classes import entry_point_names, is_class_path, load_
 from ssiam.trackers.nanotrack import (
     CONFIDENCE,
     PARAMETERS,
+    PREFERRING,
     NanoTrack,
     NanoTrackName,
     NanoTrackNetworks,
@@ -218,7 +219,13 @@ def _view_tracker(
     path = _required_weights(name, weights)
     if name == "nanotrack_v1" or name == "nanotrack_v2" or name == "nanotrack_v3":
         networks = NanoTrackNetworks.load(name, path, options)
-        return NanoTrack(networks, PARAMETERS[name], CONFIDENCE[name], distractors=distractors)
+        return NanoTrack(
+            networks,
+            PARAMETERS[name],
+            CONFIDENCE[name],
+            distractors=distractors,
+            prefers_prediction=name in PREFERRING,
+        )
     if name == "fear_xs":
         return FearXs(FearNetworks.load(path, options), distractors=distractors)
     return load_siamese_tracker(name, path, options, distractors=distractors)

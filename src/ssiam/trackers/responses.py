@@ -27,10 +27,9 @@ class Response:
         0..1.
     ranked : (n,) float64
         The ranks by which the tracker chooses.
-    peaks : list of int
-        The highest local maxima of the score, one for each object.
-    near : callable
-        Of a peak: whether each candidate (n,) is on the same object.
+    groups : callable
+        Returns for each object in the view, by descending score, which of the candidates (n,) are
+        on it.
     details : object
         What the tracker needs to take a candidate.
     """
@@ -38,8 +37,7 @@ class Response:
     boxes: Floats
     score: Floats
     ranked: Floats
-    peaks: list[int]
-    near: Callable[[int], NDArray[np.bool_]]
+    groups: Callable[[], list[NDArray[np.bool_]]]
     details: Any
 
     @cached_property
@@ -50,7 +48,7 @@ class Response:
     @cached_property
     def objects(self) -> list[int]:
         """The best candidate of each object in the view, that of `best` first."""
-        groups = (np.flatnonzero(self.near(peak)) for peak in self.peaks)
+        groups = (np.flatnonzero(is_on_it) for is_on_it in self.groups())
         indices = [int(group[np.argmax(self.ranked[group])]) for group in groups]
         return list(dict.fromkeys([self.best, *indices]))
 

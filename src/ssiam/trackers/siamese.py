@@ -147,10 +147,12 @@ class SiameseTracker(CompleteTracker, Generic[TargetT]):
         return self._target_or_none
 
 
-def select_candidate(
+def ranked_candidates(
     boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
-) -> tuple[int, float]:
-    """Index of the best candidate, and its penalty factor (0..1; 1 for no change of its shape).
+) -> tuple[Floats, Floats]:
+    """The candidates' ranks (n,), the highest for the best one, and their penalty factors (n,).
+
+    The factors are 0..1; 1 for no change of the target's shape.
 
     Parameters
     ----------
@@ -163,18 +165,6 @@ def select_candidate(
     window : (n,) float64
         Cosine window, 0..1.
     parameters : SearchParameters
-    """
-    ranked, penalty = ranked_candidates(boxes, score, size_wh, window, parameters)
-    best = int(np.argmax(ranked))
-    return best, float(penalty[best])
-
-
-def ranked_candidates(
-    boxes: Floats, score: Floats, size_wh: Floats, window: Floats, parameters: SearchParameters
-) -> tuple[Floats, Floats]:
-    """The candidates' ranks (n,), the highest for the best one, and their penalty factors (n,).
-
-    The parameters are those of `select_candidate`.
     """
     scale_change = _ratio(_padded(boxes[2], boxes[3]) / _padded(*size_wh))
     aspect_change = _ratio((size_wh[0] / size_wh[1]) / (boxes[2] / boxes[3]))
@@ -301,6 +291,23 @@ def boxes_from_distances(distances: Tensor, points_xy: Floats) -> Floats:
     left, top, right, bottom = distances[0].reshape(4, -1).astype(np.float64)
     x, y = points_xy
     return np.stack([x + (right - left) / 2, y + (bottom - top) / 2, left + right, top + bottom])
+
+
+def boxes_in_view(boxes: Floats, zoom: float, last: TargetState) -> Floats:
+    """Boxes (4, n), cx, cy, w, h, in pixels of the view.
+
+    Parameters
+    ----------
+    boxes : (4, n) float64
+        In search-crop pixels, cx and cy from the crop's center.
+    zoom : float
+        Search-crop pixels per pixel of the view.
+    last : TargetState
+        The state around which the search region was cut.
+    """
+    scaled = boxes / zoom
+    scaled[:2] += np.array(last.center_xy)[:, None]
+    return scaled
 
 
 def _inside_frame(view: FrameView, center_xy: tuple[float, float]) -> tuple[float, float]:

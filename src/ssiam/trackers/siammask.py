@@ -25,6 +25,7 @@ from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Outline, PendingOutline, Track
 from ssiam.trackers.anchors import STRIDE
+from ssiam.trackers.responses import Response
 from ssiam.trackers.rotated_boxes import ellipse_box, rectangle_box
 from ssiam.trackers.siamese import TEMPLATE_SIDE, TargetState, clamped_state, min_size_iou
 from ssiam.trackers.siamrpn import SiamRpn, SiamRpnNetworks, SiamRpnParameters
@@ -120,10 +121,10 @@ class SiamMask(SiamRpn):
     ) -> None:
         super().__init__(networks, parameters, distractors=distractors)
 
-    def update(self, view: FrameView) -> Track:
-        """The target in the next view, with mask and corners; the score is as in `SiamRpn`."""
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate as the target, with mask and corners; the score is as in `SiamRpn`."""
         last = self._target.state
-        found = self._best_candidate(view)
+        found = self._taken(response, index)
         state = self._target.state = clamped_state(found.state, view)
         # A stabilized view shows parts of the raw frame beyond its own edges.
         margin = 0 if view.is_raw else view.border

@@ -7,7 +7,7 @@ The loop is that of STVIR/pysot (Li et al., SiamRPN, CVPR 2018; SiamRPN++, CVPR 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,21 +16,22 @@ from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
 from ssiam.trackers.anchors import ANCHORS, anchor_boxes, cell_of, decode, response_side
+from ssiam.trackers.candidates import CandidateTracker, Details
 from ssiam.trackers.distractors import DistractorTracker
 from ssiam.trackers.reference_crops import Crop, pysot_crop, siammask_crop
+from ssiam.trackers.responses import Response
 from ssiam.trackers.siamese import (
     TEMPLATE_SIDE,
     Floats,
     SearchParameters,
-    SiameseTracker,
     TargetState,
+    boxes_in_view,
     clamped_state,
     cosine_window,
     crop_tensor,
     flattened,
     foreground_probability,
     min_size_iou,
-    select_candidate,
     updated_state,
 )
 
@@ -95,7 +96,7 @@ class SiamRpnNetworks:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The best candidate in one search region.
+    """A candidate that is taken as the target.
 
     Attributes
     ----------
@@ -131,7 +132,15 @@ class AnchorTarget:
     distractors: DistractorTracker
 
 
-class SiamRpn(SiameseTracker[AnchorTarget]):
+class _Outputs(NamedTuple):
+    """What `SiamRpn.accept` needs of a search."""
+
+    zoom: float  # px of the search crop per px of the view
+    crop_side: int  # px of the view
+    features: list[Tensor]  # the outputs of the search network after the first two
+
+
+class SiamRpn(CandidateTracker[AnchorTarget]):
     """SiamRPN's loop.
 
     Threads: one thread at a time for each object; several objects do not disturb each other.
@@ -145,6 +154,8 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
     """
 
     score_is_calibrated = False
+    prefers_prediction = False  # not measured with these trackers
+    _parameters: SiamRpnParameters
 
     def __init__(
         self,
@@ -153,14 +164,13 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         *,
         distractors: bool = False,
     ) -> None:
-        super().__init__(distractors)
+        window: Floats = np.tile(cosine_window(parameters.side), ANCHORS)
+        super().__init__(parameters, window, distractors)
         self._networks = networks
-        self._parameters = parameters
         pysot = parameters.variant == "pysot"
         self.center_inset = 1.0 if pysot else 0.0
         self._crop: Crop = pysot_crop if pysot else siammask_crop
         self._anchors = anchor_boxes(parameters.side)
-        self._window: Floats = np.tile(cosine_window(parameters.side), ANCHORS)
 
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
@@ -173,13 +183,32 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         kernels = self._networks.template(crop_tensor(crop))
         self._start(AnchorTarget(state, kernels, fill, DistractorTracker(self._has_distractors)))
 
-    def update(self, view: FrameView) -> Track:
-        """The target in the next view; its score is the chosen candidate's softmax.
+    def respond(self, view: FrameView) -> Response:
+        """The candidates in the next view."""
+        target, parameters = self._target, self._parameters
+        state = target.state
+        zoom = TEMPLATE_SIDE / state.context_side
+        side = round(parameters.instance / zoom)
+        crop = self._crop(view, state.center_xy, side, parameters.instance, target.fill)
+        scores, regression, *features = self._networks.search(crop_tensor(crop), *target.kernels)
+        boxes = decode(regression, self._anchors)
+        return self._response(
+            target.distractors,
+            state,
+            foreground_probability(scores),
+            (boxes_in_view(boxes, zoom, state), boxes),
+            np.array(state.size_wh) * zoom,
+            _Outputs(zoom, side, features),
+            anchors=ANCHORS,
+        )
+
+    def accept(self, view: FrameView, response: Response, index: int) -> Track:
+        """Take a candidate as the target; the score is its softmax.
 
         The sides of the box are at least 10 pixels. If the candidate is smaller, the score is
         multiplied by the maximum IoU of such a box with it.
         """
-        found = self._best_candidate(view)
+        found = self._taken(response, index)
         state = self._target.state = clamped_state(found.state, view)
         return Track(state.xywh, score=found.score * min_size_iou(state, found.size_wh))
 
@@ -192,29 +221,18 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
         self._target.state = TargetState.from_reported_xywh(xywh)
         self._target.distractors = DistractorTracker(self._has_distractors)
 
-    def _best_candidate(self, view: FrameView) -> Candidate:
-        """The best candidate in the search region around the last state."""
-        target, parameters = self._target, self._parameters
-        state = target.state
-        zoom = TEMPLATE_SIDE / state.context_side
-        side = round(parameters.instance / zoom)
-        crop = self._crop(view, state.center_xy, side, parameters.instance, target.fill)
-        scores, regression, *features = self._networks.search(crop_tensor(crop), *target.kernels)
-        score = foreground_probability(scores)
-        boxes = decode(regression, self._anchors)
-        size = np.array(state.size_wh) * zoom
-        positions_xy = boxes[:2].T / zoom + state.center_xy
-        candidates = target.distractors.detect(positions_xy, score, state, ANCHORS)
-        best, penalty = select_candidate(
-            boxes, candidates.allowed_score, size, self._window, parameters
-        )
-        target.distractors.update(candidates, best)
-        rate = penalty * score[best] * parameters.lr
+    def _taken(self, response: Response, index: int) -> Candidate:
+        """A candidate of a response, taken as the target; the state is not yet changed."""
+        target = self._target
+        details: Details = response.details
+        outputs: _Outputs = details.outputs
+        target.distractors.update(details.candidates, index)
+        rate = self._learning_rate(response, index)
         return Candidate(
-            updated_state(state, boxes[:, best], zoom, rate),
-            boxes[2:, best] / zoom,
-            float(score[best]),
-            cell_of(best, parameters.side),
-            side,
-            features,
+            updated_state(target.state, details.boxes[:, index], outputs.zoom, rate),
+            details.boxes[2:, index] / outputs.zoom,
+            float(response.score[index]),
+            cell_of(index, self._parameters.side),
+            outputs.crop_side,
+            outputs.features,
         )
