@@ -298,3 +298,17 @@ def test_blank_frames_are_counted_until_one_is_not():
     assert not detector.is_blank(frame, BOX, lost=False)
     blank = [detector.is_blank(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(27)]
     assert blank == [True] * 25 + [False] * 2
+
+
+@pytest.mark.parametrize(
+    "arranged",
+    [lambda f: f[..., ::-1], lambda f: f[:, ::-1], lambda f: f[::2, 3:-5], np.asfortranarray],
+    ids=["RGB", "mirrored", "part", "by column"],
+)
+@pytest.mark.parametrize("kind", ["torn", "gray", "noise"])
+def test_frames_may_be_views_of_others(kind, arranged):
+    frame = arranged(BLANK[kind](demo()[0][BEFORE]))
+    contiguous = np.ascontiguousarray(frame)
+    np.testing.assert_array_equal(_repeated_rows(frame), _repeated_rows(contiguous))
+    for box in (None, (40.0, 60.0, 50.0, 40.0)):
+        assert _is_flat(frame, box) == _is_flat(contiguous, box)

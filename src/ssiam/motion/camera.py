@@ -184,19 +184,21 @@ class CameraMotion(DeepCopied):
         """The motion to `frame`, estimated in the content of the previous frame."""
         estimator, area = self._estimator, content.area
         assert estimator is not None
-        changed = content.update(frame)
-        motion = given
-        if motion is None:
-            origin_xy = area.left, area.top
-            inner = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
-            motion = inner.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
-            # A homography may be possible in the content and not in the bars around it.
-            if content.uncertain or not (motion is inner or motion.is_plausible):
-                motion = Motion.none(motion.size_wh)
-        elif not changed:
-            estimator.set_previous(area.of(frame))
-        if changed:
+        if given is not None:
+            if content.update(frame):
+                self._estimator = self._new_estimator(frame, content.area)
+            else:
+                estimator.set_previous(area.of(frame))
+            return given
+        origin_xy = area.left, area.top
+        # First the estimate, which begins in the kernel: a thread beside it can run meanwhile.
+        inner = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
+        motion = inner.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
+        if content.update(frame):
             self._estimator = self._new_estimator(frame, content.area)
+        # A homography may be possible in the content and not in the bars around it.
+        if content.uncertain or not (motion is inner or motion.is_plausible):
+            return Motion.none(motion.size_wh)
         return motion
 
     def _new_estimator(self, frame: Image, area: Area) -> _Estimator:

@@ -24,6 +24,7 @@ from ssiam.geometry import (
     Image,
     Transform,
     finite_array,
+    inverse,
     png_bytes,
     short_repr,
     xywh_floats,
@@ -33,6 +34,7 @@ Color: TypeAlias = NDArray[np.float64]
 PerChannel: TypeAlias = float | Sequence[float] | Color
 """One number for all three channels, or three."""
 
+_IDENTITY_ROWS: Final = IDENTITY.tolist()
 _MAX_CROP: Final = 4096  # px, sides of a crop: 48 MB
 
 
@@ -129,12 +131,12 @@ class FrameView:
     @cached_property
     def raw_from_stab(self) -> Transform:
         """Maps stabilized pixels to raw-frame pixels: the inverse transform (eq. 9)."""
-        return np.asarray(np.linalg.inv(self.stab_from_raw))
+        return inverse(self.stab_from_raw)
 
     @cached_property
     def is_raw(self) -> bool:
         """Whether this view is the raw frame."""
-        return bool(np.array_equal(self.stab_from_raw, IDENTITY))
+        return self.stab_from_raw is IDENTITY or self.stab_from_raw.tolist() == _IDENTITY_ROWS
 
     def crop(
         self,

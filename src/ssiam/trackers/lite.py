@@ -14,7 +14,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, mean_color
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
@@ -217,7 +217,7 @@ class LiteTracker(SiameseTracker[_Target]):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         state = TargetState.from_reported_xywh(xywh)
-        fill: Floats = view.raw.mean(axis=(0, 1))
+        fill: Floats = mean_color(view.raw)
         kernels = self._template(view, state, fill)
         distractors = DistractorTracker(self._has_distractors)
         min_wh = min_size(state.size_wh)

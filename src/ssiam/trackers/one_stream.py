@@ -20,7 +20,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from ssiam.errors import ArgumentError, WeightsError
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, mean_color
 from ssiam.runtime import Network, RuntimeOptions, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.stabilize.view import Crop
@@ -319,7 +319,7 @@ class OneStreamTracker(CompleteTracker):
         sides = (w, h) if described.stretch else (math.sqrt(w * h),) * 2
         across, down = (factor * max(each, _MIN_TARGET) for each in sides)
         window = x + (w - across) / 2, y + (h - down) / 2, across, down
-        fill = view.raw.mean(axis=(0, 1)).tolist() if described.pad_with_mean else None
+        fill = mean_color(view.raw).tolist() if described.pad_with_mean else None
         return view.crop(window, (side, side), fill)
 
     def _tensor(self, crop: Crop) -> Tensor:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, mean_color
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
@@ -134,7 +134,7 @@ class SiamFc(SiameseTracker[_Target]):
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the template from `xywh`; crops are padded with the frame's mean color."""
         center, size, search_side = _geometry(xywh)
-        fill: Floats = view.raw.mean(axis=(0, 1))[::-1]
+        fill: Floats = mean_color(view.raw)[::-1]
         crop = siamfc_crop(view, center, float(_template_side(size)), TEMPLATE_SIDE, fill)
         (kernel,) = self._networks.template(crop_tensor(crop))
         distractors = DistractorTracker(self._has_distractors)

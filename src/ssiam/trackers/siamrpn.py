@@ -11,7 +11,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from ssiam.geometry import XYWH
+from ssiam.geometry import XYWH, mean_color
 from ssiam.runtime import Network, Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
@@ -168,7 +168,7 @@ class SiamRpn(SiameseTracker[AnchorTarget]):
             state = TargetState.from_xywh(xywh)
         else:
             state = TargetState.from_reported_xywh(xywh)
-        fill: Floats = view.raw.mean(axis=(0, 1))
+        fill: Floats = mean_color(view.raw)
         crop = self._crop(view, state.center_xy, round(state.context_side), TEMPLATE_SIDE, fill)
         kernels = self._networks.template(crop_tensor(crop))
         self._start(AnchorTarget(state, kernels, fill, DistractorTracker(self._has_distractors)))

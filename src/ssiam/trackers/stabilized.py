@@ -59,6 +59,10 @@ class _Target:
     follower: Follower
     camera: PrefetchingCameraMotion | None
 
+    def is_blank(self, frame: Image, step: FrameStep) -> bool:
+        """Whether `frame` shows nothing where the target is searched; once for each frame."""
+        return self.blanks.is_blank(frame, step.search_xywh, lost=self.loss.lost)
+
 
 class StabilizedTracker(NotPicklable):
     """A tracker that runs on the stabilized view of each frame and returns raw-frame pixels.
@@ -223,10 +227,13 @@ class StabilizedTracker(NotPicklable):
         camera = target.camera
         if camera is not None:
             motion = camera.update(frame, target.exclude_xywh, motion)
-        step = self.advance(motion)
-        if camera is not None and can_prefetch and following is not None and step.predicted_xywh:
-            camera.start(following, step.predicted_xywh)
-        return self.locate(frame, step)
+        with _arithmetic_as_tracking_error():
+            step = self._advance(target, motion)
+            is_blank = target.is_blank(frame, step)
+            # Started late: until the network runs, both threads wait for the interpreter.
+            if camera and can_prefetch and following is not None and step.predicted_xywh:
+                camera.start(following, step.predicted_xywh)
+            return self._locate(target, frame, step, is_blank)
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """The first half of `update`, for callers that estimate the motion themselves.
@@ -253,10 +260,7 @@ class StabilizedTracker(NotPicklable):
         if motion is not None:
             motion = as_motion(motion, target.size_wh)
         with _arithmetic_as_tracking_error():
-            step = target.follower.advance(motion)
-            if not _is_within_bounds(step, target.size_wh):
-                raise OverflowError
-        return step
+            return self._advance(target, motion)
 
     def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The second half of `update`: the target in `frame`, raw-frame pixels.
@@ -267,7 +271,7 @@ class StabilizedTracker(NotPicklable):
         target = self._current_target()
         check_frame(frame, target.size_wh)
         with _arithmetic_as_tracking_error():
-            return self._locate(target, frame, step, taken=taken)
+            return self._locate(target, frame, step, target.is_blank(frame, step), taken=taken)
 
     def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
         """The tracker's candidates in `frame`, for a decision in place of `locate`.
@@ -288,17 +292,25 @@ class StabilizedTracker(NotPicklable):
         target = self._current_target()
         check_frame(frame, target.size_wh)
         with _arithmetic_as_tracking_error():
-            return self._locate(target, frame, step, decision)
+            return self._locate(target, frame, step, target.is_blank(frame, step), decision)
+
+    def _advance(self, target: _Target, motion: Motion | None) -> FrameStep:
+        """As `advance`, by a valid motion."""
+        step = target.follower.advance(motion)
+        if not _is_within_bounds(step, target.size_wh):
+            raise OverflowError
+        return step
 
     def _locate(
         self,
         target: _Target,
         frame: Image,
         step: FrameStep,
+        is_blank: bool,
         decision: Decision | None = None,
         taken: Sequence[XYWH] = (),
     ) -> Track:
-        if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
+        if is_blank:
             track = target.follower.hold(step)
         elif decision is not None:
             track = target.follower.decide(step, decision)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import WeightsError
-from ssiam.geometry import XYWH, Image, iou
+from ssiam.geometry import XYWH, Image, iou, mean_color
 from ssiam.runtime import RuntimeOptions
 from ssiam.stabilize import FrameView
 from ssiam.trackers.box_mask import CELL, CROP_SIDE, enlarged
@@ -83,7 +83,7 @@ class BoxProposer:
         height, width = image.shape[:2]
         shorter = min(width, height)
         sides = np.geomspace(_SMALLEST, max(_SMALLEST, _LARGEST_SHARE * shorter), _SIZES)
-        view, fill = FrameView(image), np.asarray(image.mean(axis=(0, 1)))
+        view, fill = FrameView(image), mean_color(image)
         found = []
         for side in sides:
             for aspect in _ASPECTS:
