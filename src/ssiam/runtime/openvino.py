@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ssiam.copying import SharedOnCopy
 from ssiam.errors import SinkError, WeightsError
+from ssiam.inferences import inference_begins
 from ssiam.outputs import make_folder
 from ssiam.runtime.files import (
     cache_folder,
@@ -148,6 +149,7 @@ class OpenVinoNetwork(SharedOnCopy):
             arrays = list(starmap(_shareable, zip(inputs, self._input_types, strict=True)))
             for index, array in enumerate(arrays):
                 request.set_input_tensor(index, ov.Tensor(array, shared_memory=True))
+            inference_begins()
             request.infer(share_outputs=True)
             outputs = (request.get_output_tensor(index) for index in self._output_indices)
             return [np.array(tensor.data, dtype=np.float32) for tensor in outputs]

@@ -105,6 +105,7 @@ class SiameseTracker(CompleteTracker, Generic[TargetT]):
 
     center_inset = 1.0
     has_template_feature = True
+    runs_networks = True
 
     def __init__(self, distractors: bool = False) -> None:
         self._has_distractors = distractors

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import cv2
@@ -23,6 +24,7 @@ from ssiam.geometry import (
     finite_array,
     short_repr,
 )
+from ssiam.inferences import started_by_inference
 from ssiam.motion import CameraMotion, MaskOf, Motion, PrefetchingCameraMotion
 from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
@@ -230,10 +232,20 @@ class StabilizedTracker(NotPicklable):
         with _arithmetic_as_tracking_error():
             step = self._advance(target, motion)
             is_blank = target.is_blank(frame, step)
-            # Started late: until the network runs, both threads wait for the interpreter.
             if camera and can_prefetch and following is not None and step.predicted_xywh:
-                camera.start(following, step.predicted_xywh)
+                with self.beside_network(partial(camera.start, following, step.predicted_xywh)):
+                    return self._locate(target, frame, step, is_blank)
             return self._locate(target, frame, step, is_blank)
+
+    def beside_network(self, start: Callable[[], None]) -> AbstractContextManager[None]:
+        """Call `start`, which starts another thread, when the block's first network begins.
+
+        Without networks it is called at once.
+        """
+        if self._tracker.runs_networks:
+            return started_by_inference(start)
+        start()
+        return nullcontext()
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """The first half of `update`, for callers that estimate the motion themselves.

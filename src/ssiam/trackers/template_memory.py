@@ -194,6 +194,11 @@ class TemplateMemoryTracker(CompleteTracker):
         return self._tracker.score_is_calibrated
 
     @property
+    def runs_networks(self) -> bool:
+        """As for the tracker."""
+        return self._tracker.runs_networks
+
+    @property
     def reseek_below(self) -> float:
         """As for the tracker."""
         return self._tracker.reseek_below
