@@ -252,10 +252,13 @@ class PrefetchingCameraMotion(NotPicklable):
         copied._started = self._started  # the copy expects the same frame
         return copied
 
-    def start(self, frame: Image, exclude: Any = None) -> None:
+    def start(
+        self, frame: Image, exclude: Any = None, then: Callable[[Image], None] | None = None
+    ) -> None:
         """Start estimating the motion to `frame`, which must be the next one given to `update`.
 
-        Until then the frame must not be written to, and no other frame may be started.
+        Until then the frame must not be written to, and no other frame may be started. `then` is
+        called with the frame in the worker thread, before `update` returns its motion.
 
         Raises
         ------
@@ -265,7 +268,7 @@ class PrefetchingCameraMotion(NotPicklable):
         if self._started is not None:
             raise ArgumentError("another frame was started before: call update with it first")
         self._worker = self._worker or ThreadPoolExecutor(1, "camera-motion")
-        self._started = frame, self._worker.submit(self._camera.update, frame, exclude)
+        self._started = frame, self._worker.submit(self._process, frame, exclude, then)
 
     def update(
         self, frame: Image, exclude: Any = None, motion: Motion | ArrayLike | None = None
@@ -290,6 +293,12 @@ class PrefetchingCameraMotion(NotPicklable):
         self._started = None
         estimated = estimate.result()
         return given or estimated
+
+    def _process(self, frame: Image, exclude: Any, then: Callable[[Image], None] | None) -> Motion:
+        motion = self._camera.update(frame, exclude)
+        if then is not None:
+            then(frame)
+        return motion
 
 
 def _checked_mask(mask: Any) -> Image:

@@ -39,6 +39,11 @@ class BlankFrameDetector:
     def __init__(self, frame: Image) -> None:
         self._repeated_rows = _repeated_rows(frame)  # of the last frame that was not blank
         self._frames_blank = 0  # consecutive frames before this one
+        self._prepared: tuple[Image, NDArray[np.bool_]] | None = None
+
+    def prepare(self, frame: Image) -> None:
+        """Do what `is_blank` needs of the next frame without its box; from any thread."""
+        self._prepared = frame, _repeated_rows(frame)
 
     def is_blank(self, frame: Image, xywh: XYWH, *, lost: bool) -> bool:
         """Whether `frame` is blank around the box `xywh`; to be called once for each frame.
@@ -52,10 +57,13 @@ class BlankFrameDetector:
             Whether the target is lost. It may then be anywhere, so a frame is blank only if it is
             flat everywhere.
         """
+        prepared, self._prepared = self._prepared, None
         if _is_flat(frame, None if lost else xywh):
             self._frames_blank += 1
             return True
-        repeated = _repeated_rows(frame)
+        if prepared is None or prepared[0] is not frame:
+            prepared = frame, _repeated_rows(frame)
+        repeated = prepared[1]
         torn = repeated & ~self._repeated_rows
         if torn.any() and self._frames_blank < _PATIENCE:
             self._frames_blank += 1

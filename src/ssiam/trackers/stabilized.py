@@ -233,7 +233,8 @@ class StabilizedTracker(NotPicklable):
             step = self._advance(target, motion)
             is_blank = target.is_blank(frame, step)
             if camera and can_prefetch and following is not None and step.predicted_xywh:
-                with self.beside_network(partial(camera.start, following, step.predicted_xywh)):
+                start = partial(camera.start, following, step.predicted_xywh, target.blanks.prepare)
+                with self.beside_network(start):
                     return self._locate(target, frame, step, is_blank)
             return self._locate(target, frame, step, is_blank)
 
