@@ -29,6 +29,20 @@ def test_a_box_is_mapped_back_by_the_inverse_homography():
     assert back == pytest.approx(box, abs=1e-9)
 
 
+@given(shifts, shifts, angles, st.floats(0.5, 2), st.floats(-1e-4, 1e-4), st.floats(-1e-4, 1e-4))
+def test_the_inverse_is_that_of_linear_algebra(dx, dy, angle, zoom, tilt_x, tilt_y):
+    to_from_from = g.rigid(dx, dy, angle, (320, 180)) @ np.diag([zoom, zoom, 1.0])
+    to_from_from[2, :2] = tilt_x, tilt_y
+    inverse = g.inverse(to_from_from)
+    np.testing.assert_allclose(inverse, np.linalg.inv(to_from_from), rtol=1e-9, atol=1e-9)
+
+
+def test_a_shift_is_inverted_exactly():
+    np.testing.assert_array_equal(g.inverse(g.rigid(0.1, -7.3, 0)), g.rigid(-0.1, 7.3, 0))
+    with pytest.raises(np.linalg.LinAlgError):
+        g.inverse(np.diag([1.0, 0, 1]))
+
+
 def test_box_sides_are_scaled_by_the_zoom():
     assert g.map_box(np.diag([2.0, 2.0, 1.0]), (10, 20, 30, 40)) == pytest.approx((20, 40, 60, 80))
 

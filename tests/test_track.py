@@ -132,3 +132,12 @@ def test_repr_is_short():
         repr(Track((53.2, 114.1, 26.5, 66.4), 0.9812)) == "Track(box=(53, 114, 26, 66), score=0.98)"
     )
     assert repr(Track(BOX, lost=True)) == "Track(box=(2, 1, 4, 3), score=1.00, lost=True)"
+
+
+def test_changes_are_of_fields_and_leave_the_track():
+    track = Track(BOX, 0.5, mask=MASK)
+    changed = track.with_changes(score=0.25, lost=True)
+    assert vars(changed) == vars(replace(track, score=0.25, lost=True))
+    assert (track.score, track.lost) == (0.5, False)
+    with pytest.raises(TypeError, match="boxes"):
+        track.with_changes(boxes=BOX)

@@ -4,10 +4,10 @@
 
 The first table is `TrackerGroup` with `predict` on frames of 640x360 pixels: whole frames, all
 numbers of targets in turn in one process, on one thread; the targets are boxes of equal size. The
-second is lite's search network alone, compiled by OpenVINO for batches of several crops and their
-templates: the time of a crop. Process times; the least of all rounds, which changes less with the
-load of the machine than the median. Needs the folder of test data (see benchmarks/common/data.py),
-and PyTorch for the second table.
+others are lite's search network alone, compiled by OpenVINO for batches of several crops and their
+templates: the time of a crop, in float32 and, where the CPU has it, bfloat16. Process times; the
+least of all rounds, which changes less with the load of the machine than the median. Needs the
+folder of test data (see benchmarks/common/data.py), and PyTorch for the batches.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from ssiam import TrackerGroup
 from ssiam.geometry import Image
 from ssiam.networks.checkpoints import read_state_dict
 from ssiam.networks.lite import LiteNetwork
-from ssiam.runtime.openvino import CORE, ov
+from ssiam.runtime.openvino import CORE, ov, supports_bf16
 from ssiam.trackers.lite import SEARCH_SIDE, SHIPPED
 from ssiam.trackers.siamese import TEMPLATE_SIDE
 
@@ -56,7 +56,7 @@ def group_seconds(group: TrackerGroup, images: list[Image], count: int) -> float
     return min(times[WARM_UP:])
 
 
-def batched_search(network: LiteNetwork, size: int) -> Callable[[], Any]:
+def batched_search(network: LiteNetwork, size: int, precision: str) -> Callable[[], Any]:
     """An inference of `size` crops, each with a template of its own."""
 
     class Search(torch.nn.Module):
@@ -69,7 +69,7 @@ def batched_search(network: LiteNetwork, size: int) -> Callable[[], Any]:
     inputs = [each.clone() for each in inputs]
     shapes = [list(each.shape) for each in inputs]
     model = ov.convert_model(Search().eval(), example_input=tuple(inputs), input=shapes)
-    settings = {"INFERENCE_NUM_THREADS": 1, "NUM_STREAMS": 1, "INFERENCE_PRECISION_HINT": "f32"}
+    settings = {"INFERENCE_NUM_THREADS": 1, "NUM_STREAMS": 1, "INFERENCE_PRECISION_HINT": precision}
     request = CORE.compile_model(model, "CPU", settings).create_infer_request()
     arrays = [each.numpy() for each in inputs]
     return lambda: request.infer(arrays, share_inputs=True, share_outputs=True)
@@ -105,7 +105,7 @@ def report(title: str, seconds: Mapping[int, float], counts: Sequence[int]) -> N
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -121,9 +121,10 @@ def main() -> None:
     report("targets", least(frames, options.rounds), options.counts)
     network = LiteNetwork().eval().requires_grad_(False)
     network.load_state_dict(read_state_dict(SHIPPED / "weights.pth"))
-    searches = {n: batched_search(network, n) for n in options.counts}
-    crops = {n: lambda f=f: inference_seconds(f) for n, f in searches.items()}
-    report("crops in a batch", least(crops, options.rounds), options.counts)
+    for precision in ("f32", "bf16") if supports_bf16() else ("f32",):
+        searches = {n: batched_search(network, n, precision) for n in options.counts}
+        crops = {n: lambda f=f: inference_seconds(f) for n, f in searches.items()}
+        report(f"crops in a batch, {precision}", least(crops, options.rounds), options.counts)
 
 
 if __name__ == "__main__":

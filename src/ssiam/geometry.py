@@ -65,6 +65,31 @@ def rigid_parameters(
     return new_x - x, new_y - y, math.atan2(rotation * weight, zoom * weight)
 
 
+def inverse(to_from_from: Transform) -> Transform:
+    """The inverse of a transform: the adjugate matrix, divided by the determinant.
+
+    Several times as fast as `numpy.linalg.inv`, whose results differ by rounding.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The determinant is 0.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    first, second, third = e * i - f * h, f * g - d * i, d * h - e * g
+    determinant = a * first + b * second + c * third
+    if determinant == 0:
+        raise np.linalg.LinAlgError("singular transform")
+    adjugate: Transform = np.array(
+        [
+            [first, c * h - b * i, b * f - c * e],
+            [second, a * i - c * g, c * d - a * f],
+            [third, b * g - a * h, a * e - b * d],
+        ]
+    )
+    return np.asarray(adjugate / determinant)
+
+
 def frame_center(size_wh: tuple[int, int]) -> tuple[float, float]:
     """Center of a frame of (width, height) pixels; integers are pixel centers."""
     return (size_wh[0] - 1) / 2, (size_wh[1] - 1) / 2
@@ -80,9 +105,7 @@ def map_points(to_from_from: Transform, points: ArrayLike) -> Points:
 
 def map_point(to_from_from: Transform, x: float, y: float) -> tuple[float, float]:
     """Map one point by a transform; ten times faster than `map_points`."""
-    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
-    weight = g * x + h * y + i
-    return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
+    return _mapped(to_from_from.tolist(), x, y)
 
 
 def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
@@ -93,17 +116,16 @@ def map_box(to_from_from: Transform, xywh: Sequence[float]) -> XYWH:
     """
     x, y, w, h = map(float, xywh)
     x, y = x + w / 2, y + h / 2
-    zoom = local_zoom(to_from_from, (x, y))
-    cx, cy = map_point(to_from_from, x, y)
+    rows = to_from_from.tolist()
+    zoom = _zoom(rows, x, y)
+    cx, cy = _mapped(rows, x, y)
     return cx - w * zoom / 2, cy - h * zoom / 2, w * zoom, h * zoom
 
 
 def local_zoom(to_from_from: Transform, point_xy: Sequence[float]) -> float:
     """Square root of the area of a unit square at `point_xy` after the transform."""
-    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
     x, y = point_xy
-    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return math.sqrt(abs(determinant / (g * x + h * y + i) ** 3))
+    return _zoom(to_from_from.tolist(), x, y)
 
 
 def map_mask(to_from_from: Transform, mask: Mask, size_wh: tuple[int, int]) -> Mask:
@@ -300,6 +322,20 @@ def short_repr(value: Any) -> str:
     """The repr of a value in one line, cut after 80 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _MAX_REPR else f"{text[:_MAX_REPR]}..."
+
+
+def _mapped(rows: list[list[float]], x: float, y: float) -> tuple[float, float]:
+    """`map_point`, by the rows of the transform."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    weight = g * x + h * y + i
+    return (a * x + b * y + c) / weight, (d * x + e * y + f) / weight
+
+
+def _zoom(rows: list[list[float]], x: float, y: float) -> float:
+    """`local_zoom`, by the rows of the transform."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return math.sqrt(abs(determinant / (g * x + h * y + i) ** 3))
 
 
 def _number(value: Any) -> float:

@@ -156,8 +156,20 @@ class Track:
         return self.with_changes(box=map_box(to_from_from, self.box), corners=corners, mask=mask)
 
     def with_changes(self, **changes: Any) -> Track:
-        """As `dataclasses.replace`, but a pending outline is not computed."""
-        return Track(**{**self.__dict__, **changes})
+        """As `dataclasses.replace`, but a pending outline is not computed.
+
+        Raises
+        ------
+        TypeError
+            A change is not of a field.
+        """
+        if not changes.keys() <= self.__dict__.keys():
+            raise TypeError(
+                f"a Track has no fields {sorted(changes.keys() - self.__dict__.keys())}"
+            )
+        changed = object.__new__(Track)  # several times as fast as the constructor
+        changed.__dict__.update(self.__dict__, **changes)
+        return changed
 
     @property
     def _outline(self) -> Outline | PendingOutline:

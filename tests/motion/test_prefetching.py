@@ -138,3 +138,13 @@ def test_errors_of_the_worker_are_raised_by_update(frame, exclude, error):
     with pytest.raises(error):
         camera.update(frame)
     assert camera.update(second).reliable  # and the camera is still usable
+
+
+def test_work_on_the_started_frame_is_done_before_its_motion_is_returned():
+    camera, done = prefetching(), []
+    first, second, *_ = shaken()
+    camera.update(first)
+    camera.start(second, then=lambda frame: (time.sleep(0.05), done.append(frame)))
+    camera.update(second)
+    assert len(done) == 1
+    assert done[0] is second

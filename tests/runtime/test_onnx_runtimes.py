@@ -41,6 +41,23 @@ def test_the_runtimes_agree(backbone, side):
     assert abs(a - b).max() < 1e-4 * abs(b).max()
 
 
+def test_inputs_of_any_layout_are_taken(backbone):
+    network = load_network(backbone, (1, 3, 127, 127))
+    crop = np.random.default_rng(0).uniform(0, 255, (1, 3, 127, 127)).astype(np.float32)
+    (expected,) = network(crop)
+    reversed_twice = np.ascontiguousarray(crop[..., ::-1])[..., ::-1]
+    read_only = crop.copy()
+    read_only.flags.writeable = False
+    for given in (reversed_twice, read_only, crop.astype(np.float64)):
+        (result,) = network(given)
+        np.testing.assert_array_equal(result, expected)
+    (other,) = network(crop[..., ::-1])
+    assert (other != result).any()  # results are not overwritten by the next call
+    np.testing.assert_array_equal(result, expected)
+    with pytest.raises(WeightsError):
+        network(crop, crop)
+
+
 @pytest.mark.parametrize("runtime", RUNTIMES)
 def test_damaged_files_and_wrong_shapes_are_refused(backbone, tmp_path, runtime):
     pytest.importorskip(runtime)

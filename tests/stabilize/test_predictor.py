@@ -236,9 +236,9 @@ def test_low_scores_halve_the_speed():
     config = replace(CONFIG, choose=False)
     for score, speed in ((0.149, 2.0), (0.15, 3.0)):
         predictor, _ = stepped(config, (8.0, 1.0), (2.0, score))
-        np.testing.assert_allclose(predictor._speeds[:, 0], speed)
+        np.testing.assert_allclose(np.array(predictor._speeds)[:, 0], speed)
     predictor, _ = stepped(replace(config, trust=False), (8.0, 1.0), (2.0, 0.0))
-    np.testing.assert_allclose(predictor._speeds[:, 0], 3.0)
+    np.testing.assert_allclose(np.array(predictor._speeds)[:, 0], 3.0)
 
 
 def test_errors_are_running_means_in_target_sizes():
@@ -271,10 +271,10 @@ def test_errors_are_cut_at_two_target_sizes():
 def test_a_prediction_must_be_better_by_the_margin():
     predictor = TargetPredictor(CONFIG, BOX)
     for fixed, moved in ((0.21, 0.0), (0.19, 10.0)):
-        predictor._errors = np.array([0.3, 0.9, fixed, 0.9])
+        predictor._errors = [0.3, 0.9, fixed, 0.9]
         box = predictor.update(Motion.from_transform(rigid(10, 0, 0), SIZE))
         assert box == pytest.approx(by(moved))
-    predictor._errors = np.array([0.3, 0.9, 0.2, 0.9])  # exactly the margin is not enough
+    predictor._errors = [0.3, 0.9, 0.2, 0.9]  # exactly the margin is not enough
     predictor._config = replace(CONFIG, margin=0.3 - 0.2)
     assert predictor._errors[2] + predictor._config.margin >= 0.3
     assert predictor._choice() == 0
@@ -284,7 +284,7 @@ def test_the_best_prediction_is_used():
     predictor, box = stepped(CONFIG, (6.0, 1.0))
     motion = Motion.from_transform(rigid(10, 0, 0), SIZE)
     for best, dx in enumerate((0, 3, 10, 13)):
-        predictor._errors = np.full(4, 0.5)
+        predictor._errors = [0.5] * 4
         predictor._errors[best] = 0.1
         assert predictor.update(motion) == pytest.approx(by(dx, box=box))
 
@@ -314,7 +314,7 @@ def test_after_held_frames_the_speed_is_per_frame():
         predictor.hold()
     predictor.update(STILL)
     predictor.observe(by(20), 1.0)
-    np.testing.assert_allclose(predictor._speeds[:, 0], 5)
+    np.testing.assert_allclose(np.array(predictor._speeds)[:, 0], 5)
 
 
 def test_a_shown_target_returns_by_a_twentieth_and_at_most_a_tenth_of_its_size():
@@ -367,7 +367,7 @@ def test_a_chosen_position_in_the_frame_keeps_the_angle_of_the_view():
     """The camera's roll is removed only if its motion is used."""
     predictor = TargetPredictor(CONFIG, BOX)
     roll = Motion.from_transform(rigid(0, 0, 0.1, center(BOX)), SIZE)
-    predictor._errors = np.array([0.0, 0.5, 0.5, 0.5])
+    predictor._errors = [0.0, 0.5, 0.5, 0.5]
     predictor.update(roll)
     np.testing.assert_array_equal(predictor.stab_from_raw, np.eye(3))
     predictor.stab_from_raw = rigid(5, 0, 0.2)
@@ -377,7 +377,7 @@ def test_a_chosen_position_in_the_frame_keeps_the_angle_of_the_view():
 
 def test_unreliable_motions_leave_errors_and_speed():
     predictor, box = stepped(CONFIG, (6.0, 1.0))
-    errors, speeds = predictor._errors.copy(), predictor._speeds.copy()
+    errors, speeds = predictor._errors, predictor._speeds
     predictor.update(Motion.none(SIZE))
     predictor.observe(by(50, box=box), 1.0)
     np.testing.assert_array_equal(predictor._errors, errors)
@@ -407,3 +407,53 @@ def test_a_view_that_is_held_over_a_tilting_ground_is_rigid():
     np.testing.assert_array_equal(view[2], [0, 0, 1])
     np.testing.assert_allclose(center(map_box(view, held)), center(BOX), atol=1e-9)
     assert held == pytest.approx(TILT.map_box(BOX)[:2] + BOX[2:], abs=2)
+
+
+class ArrayPredictor:
+    """The hypotheses, errors and speeds of `TargetPredictor` in NumPy."""
+
+    def __init__(self, config, box):
+        self.config, self.center, self.size = (
+            config,
+            np.array(center(box)),
+            np.sqrt(box[2] * box[3]),
+        )
+        self.errors, self.speeds = np.array([0.3, 0.3, 0, 0]), np.zeros((2, 2))
+
+    def update(self, cur_from_prev):
+        still, (fixed,) = self.center, map_points(cur_from_prev, [self.center])
+        self.positions = np.array([still, still + self.speeds[0], fixed, fixed + self.speeds[1]])
+        best = int(np.argmin(self.errors))
+        chosen = best if self.errors[best] + self.config.margin < self.errors[0] else 0
+        return self.positions[chosen]
+
+    def observe(self, box, score):
+        self.center = np.array(center(box))
+        errors = np.linalg.norm(self.positions - self.center, axis=1) / self.size
+        memory = self.config.memory ** (0.5 if score < 0.15 else 1)
+        self.errors = memory * self.errors + (1 - memory) * np.minimum(errors, 2)
+        if score < 0.15:
+            self.speeds = self.speeds / 2
+        else:
+            moved = self.center - self.positions[[0, 2]]
+            self.speeds += (1 - self.config.smoothing) * (moved - self.speeds)
+        self.size = np.sqrt(box[2] * box[3])
+
+
+def test_the_predictions_are_those_of_array_arithmetic():
+    random = np.random.default_rng(8)
+    predictor, reference, box = TargetPredictor(CONFIG, BOX), ArrayPredictor(CONFIG, BOX), BOX
+    for _ in range(200):
+        dx, dy, angle = random.normal(0, (9, 6, 0.02))
+        cur_from_prev = rigid(dx, dy, angle, (160, 120))
+        predicted = predictor.update(Motion.from_transform(cur_from_prev, SIZE))
+        expected = reference.update(cur_from_prev)
+        np.testing.assert_allclose(center(predicted), expected, rtol=0, atol=1e-9)
+        jump, zoom, score = random.normal(0, 4, 2), random.uniform(0.95, 1.05), random.uniform()
+        x, y = (random.uniform(0.2, 0.8, 2) * SIZE if score > 0.97 else expected) + jump
+        w, h = box[2] * zoom, box[3] * zoom
+        box = (float(x - w / 2), float(y - h / 2), w, h)
+        predictor.observe(box, score)
+        reference.observe(box, score)
+        np.testing.assert_allclose(predictor._errors, reference.errors, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(predictor._speeds, reference.speeds, rtol=0, atol=1e-9)

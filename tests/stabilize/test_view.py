@@ -8,6 +8,7 @@ import ssiam
 from helpers.synthetic import golden_video, world
 from ssiam import FrameView
 from ssiam.geometry import corners_from_xywh, map_points, rigid
+from ssiam.stabilize.view import _FOUR_CHANNELS, _warp
 
 
 def test_a_crop_of_a_raw_view_is_the_reference_bit_for_bit(golden):
@@ -264,3 +265,36 @@ def test_a_crop_that_cannot_be_cut_is_refused(arguments, message):
 def test_a_tensor_needs_one_number_or_three(values):
     with pytest.raises(ssiam.SsiamError, match="give one number, or one per channel"):
         FrameView(world()).crop((1, 2, 3, 4), (8, 8)).tensor(**values)
+
+
+@pytest.mark.parametrize(
+    ("zoom", "shift", "out"),
+    [
+        (1.4, (0, 0), 255),
+        (0.3, (0, 0), 127),
+        (1.9, (400, 0), 128),  # partly outside
+        (1.2, (-300, -170), 255),
+        (1.0, (2000, 0), 64),  # outside
+        (5.0, (-900, -600), 200),  # the whole frame
+        (1.0, (0, 0), 1),
+    ],
+)
+@pytest.mark.parametrize("angle", [0.0, 0.02, -0.7, 3.0])
+def test_warps_of_four_channels_have_the_pixels_of_three(zoom, shift, out, angle):
+    random = np.random.default_rng(4)
+    noise = random.integers(0, 256, (360, 640, 3), dtype=np.uint8)
+    for raw in (noise, noise[::-1, ::-1], noise[5:105, 9:209]):
+        _FOUR_CHANNELS.of_size(raw.shape[1], raw.shape[0])[:] = 77  # left by another frame
+        for _ in range(3):
+            x, y = random.uniform(0, 300, 2) + shift
+            raw_from_out = rigid(x, y, angle, (50, 50)) @ np.diag([zoom, zoom, 1])
+            warped = _warp(raw, raw_from_out, (out, out), [1.0, 20.0, 255.0])
+            expected = cv2.warpAffine(
+                np.ascontiguousarray(raw),
+                raw_from_out[:2],
+                (out, out),
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(1, 20, 255),
+            )
+            np.testing.assert_array_equal(warped, expected)

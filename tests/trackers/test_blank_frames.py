@@ -298,3 +298,32 @@ def test_blank_frames_are_counted_until_one_is_not():
     assert not detector.is_blank(frame, BOX, lost=False)
     blank = [detector.is_blank(torn(frame, 130), (300, 120, 40, 60), lost=True) for _ in range(27)]
     assert blank == [True] * 25 + [False] * 2
+
+
+@pytest.mark.parametrize(
+    "arranged",
+    [lambda f: f[..., ::-1], lambda f: f[:, ::-1], lambda f: f[::2, 3:-5], np.asfortranarray],
+    ids=["RGB", "mirrored", "part", "by column"],
+)
+@pytest.mark.parametrize("kind", ["torn", "gray", "noise"])
+def test_frames_may_be_views_of_others(kind, arranged):
+    frame = arranged(BLANK[kind](demo()[0][BEFORE]))
+    contiguous = np.ascontiguousarray(frame)
+    np.testing.assert_array_equal(_repeated_rows(frame), _repeated_rows(contiguous))
+    for box in (None, (40.0, 60.0, 50.0, 40.0)):
+        assert _is_flat(frame, box) == _is_flat(contiguous, box)
+
+
+@pytest.mark.parametrize("kind", ["torn", "noise"])
+def test_a_prepared_frame_gives_the_same_answers(kind, monkeypatch):
+    frames = [*demo()[0][:3], BLANK[kind](demo()[0][3]), *demo()[0][4:7]]
+    plain, prepared = BlankFrameDetector(frames[0]), BlankFrameDetector(frames[0])
+    for frame in frames[1:]:
+        box = (50.0, 110.0, 30.0, 60.0)
+        expected = plain.is_blank(frame, box, lost=False)
+        prepared.prepare(frames[0])  # of another frame, which has no effect
+        assert prepared.is_blank(frame, box, lost=False) == expected
+    assert (prepared._repeated_rows == plain._repeated_rows).all()
+    prepared.prepare(frames[1])
+    monkeypatch.setattr("ssiam.trackers.blank_frames._repeated_rows", None)
+    assert not prepared.is_blank(frames[1], box, lost=False)

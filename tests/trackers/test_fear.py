@@ -21,7 +21,6 @@ from ssiam.trackers.fear import (
     FearNetworks,
     FearXs,
     _expanded,
-    _mean_color,
     _whole_pixels,
 )
 from ssiam.trackers.siamese import SearchParameters
@@ -115,12 +114,6 @@ def test_seek_begins_at_whole_pixels():
 def test_boxes_are_whole_pixels_inside_of_the_frame(xywh, expected):
     assert _whole_pixels(xywh, (320, 240)) == expected
     assert _whole_pixels((0, 0, 9, 9), (2, 1)) == (0, 0, 2, 1)
-
-
-def test_the_mean_color_is_numpys():
-    image = np.random.default_rng(1).integers(0, 256, (37, 53, 3), np.uint8)
-    for each in (image, image[5:, 7:40], np.full((11, 3, 3), 201, np.uint8)):
-        np.testing.assert_array_equal(_mean_color(each), each.mean(axis=(0, 1)))
 
 
 def test_margins_are_truncated():

@@ -18,6 +18,7 @@ from ssiam.trackers.template_memory import (
     MemoryParameters,
     TemplateMemoryTracker,
     diversity,
+    inner_product,
     selected_slot,
 )
 
@@ -58,6 +59,12 @@ class TestSelection:
 
     def test_a_memory_of_one_template_keeps_it(self):
         assert self.slot(unit(0, 1, 0), [self.first], capacity=1) is None
+
+
+def test_features_of_any_length_have_an_inner_product():
+    for length in (3, 40_000):
+        one, other = np.random.default_rng(length).normal(size=(2, length))
+        assert inner_product(one, other) == pytest.approx(float(one @ other), rel=1e-12)
 
 
 def test_diversity_is_one_minus_the_mean_similarity():

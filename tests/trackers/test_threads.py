@@ -67,9 +67,9 @@ def patch_openvino(monkeypatch, wait):
 
     infer = ov.InferRequest.infer
 
-    def infer_and_wait(request, inputs, share_inputs=False, share_outputs=False):
-        # Shared outputs: copies could be made before the other threads arrive.
-        results = infer(request, inputs, share_inputs=share_inputs, share_outputs=True)
+    def infer_and_wait(request, share_outputs):
+        assert share_outputs  # copies could be made before the other threads arrive
+        results = infer(request, share_outputs=True)
         wait()
         return results
 

@@ -184,19 +184,21 @@ class CameraMotion(DeepCopied):
         """The motion to `frame`, estimated in the content of the previous frame."""
         estimator, area = self._estimator, content.area
         assert estimator is not None
-        changed = content.update(frame)
-        motion = given
-        if motion is None:
-            origin_xy = area.left, area.top
-            inner = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
-            motion = inner.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
-            # A homography may be possible in the content and not in the bars around it.
-            if content.uncertain or not (motion is inner or motion.is_plausible):
-                motion = Motion.none(motion.size_wh)
-        elif not changed:
-            estimator.set_previous(area.of(frame))
-        if changed:
+        if given is not None:
+            if content.update(frame):
+                self._estimator = self._new_estimator(frame, content.area)
+            else:
+                estimator.set_previous(area.of(frame))
+            return given
+        origin_xy = area.left, area.top
+        # First the estimate, which begins in the kernel: a thread beside it can run meanwhile.
+        inner = estimator.estimate(area.of(frame), boxes - (*origin_xy, *origin_xy))
+        motion = inner.uncropped(origin_xy, (frame.shape[1], frame.shape[0]))
+        if content.update(frame):
             self._estimator = self._new_estimator(frame, content.area)
+        # A homography may be possible in the content and not in the bars around it.
+        if content.uncertain or not (motion is inner or motion.is_plausible):
+            return Motion.none(motion.size_wh)
         return motion
 
     def _new_estimator(self, frame: Image, area: Area) -> _Estimator:
@@ -250,10 +252,13 @@ class PrefetchingCameraMotion(NotPicklable):
         copied._started = self._started  # the copy expects the same frame
         return copied
 
-    def start(self, frame: Image, exclude: Any = None) -> None:
+    def start(
+        self, frame: Image, exclude: Any = None, then: Callable[[Image], None] | None = None
+    ) -> None:
         """Start estimating the motion to `frame`, which must be the next one given to `update`.
 
-        Until then the frame must not be written to, and no other frame may be started.
+        Until then the frame must not be written to, and no other frame may be started. `then` is
+        called with the frame in the worker thread, before `update` returns its motion.
 
         Raises
         ------
@@ -263,7 +268,7 @@ class PrefetchingCameraMotion(NotPicklable):
         if self._started is not None:
             raise ArgumentError("another frame was started before: call update with it first")
         self._worker = self._worker or ThreadPoolExecutor(1, "camera-motion")
-        self._started = frame, self._worker.submit(self._camera.update, frame, exclude)
+        self._started = frame, self._worker.submit(self._process, frame, exclude, then)
 
     def update(
         self, frame: Image, exclude: Any = None, motion: Motion | ArrayLike | None = None
@@ -288,6 +293,12 @@ class PrefetchingCameraMotion(NotPicklable):
         self._started = None
         estimated = estimate.result()
         return given or estimated
+
+    def _process(self, frame: Image, exclude: Any, then: Callable[[Image], None] | None) -> Motion:
+        motion = self._camera.update(frame, exclude)
+        if then is not None:
+            then(frame)
+        return motion
 
 
 def _checked_mask(mask: Any) -> Image:

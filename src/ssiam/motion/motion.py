@@ -16,11 +16,10 @@ from ssiam.geometry import (
     IDENTITY,
     XYWH,
     Transform,
-    corners_from_xywh,
     finite_array,
     frame_center,
+    inverse,
     map_box,
-    map_points,
     rigid,
     rigid_parameters,
     short_repr,
@@ -89,18 +88,12 @@ class Motion:
         matrix = finite_array(cur_from_prev)
         if matrix is not None and matrix.shape == (2, 3):
             matrix = np.vstack([matrix, IDENTITY[2]])
-        if (
-            matrix is None
-            or matrix.shape != (3, 3)
-            or not np.abs(matrix).max() < _MAX_ENTRY
-            or abs(np.linalg.det(matrix)) < _MIN_DETERMINANT
-        ):
+        if matrix is None or matrix.shape != (3, 3) or not _is_invertible(matrix):
             raise ArgumentError(
                 f"motion is {short_repr(cur_from_prev)}: give an invertible (3, 3) or (2, 3) "
                 "transform of pixels"
             )
-        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-        if not (_keeps_frame(matrix, size_wh) and _keeps_frame(inverse, size_wh)):
+        if not (_keeps_frame(matrix, size_wh) and _keeps_frame(inverse(matrix), size_wh)):
             width, height = size_wh
             raise ArgumentError(
                 f"motion {short_repr(matrix.tolist())} moves frames of {width}x{height} pixels out "
@@ -274,15 +267,28 @@ def _stretches_little(motion: Motion) -> bool:
     return True
 
 
+def _is_invertible(to_from_from: Transform) -> bool:
+    """Whether a transform has moderate numbers, and a determinant that is not about 0."""
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    if max(map(abs, (a, b, c, d, e, f, g, h, i))) >= _MAX_ENTRY:
+        return False
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return bool(abs(determinant) >= _MIN_DETERMINANT)
+
+
 def _keeps_frame(to_from_from: Transform, size_wh: tuple[int, int]) -> bool:
     """Whether the corners of a frame stay in front of the camera, and within a wide area."""
-    corners = corners_from_xywh((0.0, 0.0, *map(float, size_wh)))
-    weights = corners @ to_from_from[2, :2] + to_from_from[2, 2]
-    if not ((weights > 0).all() or (weights < 0).all()):
+    (a, b, c), (d, e, f), (g, h, i) = to_from_from.tolist()
+    width, height = size_wh
+    corners = (0, 0), (width, 0), (width, height), (0, height)
+    weights = [g * x + h * y + i for x, y in corners]
+    if not (min(weights) > 0 or max(weights) < 0):
         return False
-    with np.errstate(over="ignore", invalid="ignore"):
-        far = np.abs(map_points(to_from_from, corners)).max()
-    return bool(far <= _MAX_DISTANCE * max(size_wh))
+    limit = _MAX_DISTANCE * max(size_wh)
+    return all(
+        abs((a * x + b * y + c) / weight) <= limit and abs((d * x + e * y + f) / weight) <= limit
+        for (x, y), weight in zip(corners, weights, strict=True)
+    )
 
 
 def as_motion(motion: Any, size_wh: tuple[int, int]) -> Motion:

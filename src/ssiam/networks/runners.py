@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from ssiam.copying import SharedOnCopy
 from ssiam.errors import ArgumentError
+from ssiam.inferences import inference_begins
 from ssiam.networks.checkpoints import Checkpoint
 from ssiam.networks.export import InferenceGraph, MaskGraph, RefineGraph, inference_graphs
 from ssiam.networks.registry import NetworkName, build_network
@@ -106,7 +107,9 @@ class GraphRunner(SharedOnCopy):
     def __call__(self, *inputs: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """New output arrays for float32 inputs."""
         with torch.inference_mode():
-            results = self._graph(*[self._to_device(array) for array in inputs])
+            tensors = [self._to_device(array) for array in inputs]
+            inference_begins()
+            results = self._graph(*tensors)
         outputs = (results,) if isinstance(results, Tensor) else results
         return [np.ascontiguousarray(each.float().cpu().numpy()) for each in outputs]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ssiam.copying import SharedOnCopy
 from ssiam.errors import ArgumentError, MissingExtraError, WeightsError
+from ssiam.inferences import inference_begins
 from ssiam.runtime.files import (
     damaged_error,
     input_shape_error,
@@ -128,7 +129,9 @@ class OnnxRuntimeNetwork(SharedOnCopy):
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
         """New output arrays for float32 inputs."""
         try:
-            results = self._session.run(None, dict(zip(self._names, inputs, strict=True)))
+            named = dict(zip(self._names, inputs, strict=True))
+            inference_begins()
+            results = self._session.run(None, named)
         except _LOAD_ERRORS as error:
             raise not_run_error(self._path, error) from error
         return [np.asarray(each, dtype=np.float32) for each in results]

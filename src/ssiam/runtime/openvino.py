@@ -9,13 +9,16 @@ import sys
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import starmap
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssiam.copying import SharedOnCopy
 from ssiam.errors import SinkError, WeightsError
+from ssiam.inferences import inference_begins
 from ssiam.outputs import make_folder
 from ssiam.runtime.files import (
     cache_folder,
@@ -117,9 +120,11 @@ class OpenVinoNetwork(SharedOnCopy):
             raise damaged_error(path) from error
         if not all(map(_is_array, (*self._compiled.inputs, *self._compiled.outputs))):
             raise not_arrays_error(path)
-        self._outputs = self._compiled.outputs  # reading these takes .1 ms each time
+        # Reading these takes .1 ms each time.
         self._input_shapes = [tuple(port.shape) for port in self._compiled.inputs]
-        self._output_shapes = [tuple(port.shape) for port in self._outputs]
+        self._input_types = [port.get_element_type().to_dtype() for port in self._compiled.inputs]
+        self._output_shapes = [tuple(port.shape) for port in self._compiled.outputs]
+        self._output_indices = range(len(self._output_shapes))
 
     @property
     def input_shapes(self) -> list[tuple[int, ...]]:
@@ -140,8 +145,14 @@ class OpenVinoNetwork(SharedOnCopy):
         """New output arrays for float32 inputs."""
         request = self._idle_request()
         try:
-            results = request.infer(list(inputs), share_inputs=True, share_outputs=True)
-            return [np.array(results[port], dtype=np.float32) for port in self._outputs]
+            # Passing the arrays to `infer` takes OpenVINO's Python twice as long.
+            arrays = list(starmap(_shareable, zip(inputs, self._input_types, strict=True)))
+            for index, array in enumerate(arrays):
+                request.set_input_tensor(index, ov.Tensor(array, shared_memory=True))
+            inference_begins()
+            request.infer(share_outputs=True)
+            outputs = (request.get_output_tensor(index) for index in self._output_indices)
+            return [np.array(tensor.data, dtype=np.float32) for tensor in outputs]
         except _NATIVE_ERRORS as error:
             raise not_run_error(self._path, error) from error
         finally:
@@ -197,6 +208,14 @@ def _check_sizes(path: Path, operations: Sequence[Any], kinds: Sequence[str]) ->
                     check_shape(list(shape.to_shape()))
                 except ValueError as error:
                     raise WeightsError(f"weights {path} cannot be used: {error}") from None
+
+
+def _shareable(array: Tensor, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """The array, or a copy of it that OpenVINO can use in place."""
+    flags = array.flags
+    if flags.c_contiguous and flags.writeable and array.dtype == dtype:
+        return array
+    return np.array(array, dtype=dtype, order="C")
 
 
 def _is_array(port: Any) -> bool:

@@ -13,15 +13,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ssiam.copying import DeepCopied
 from ssiam.geometry import (
     IDENTITY,
     XYWH,
-    Points,
     Transform,
+    inverse,
     map_point,
     rigid,
     rigid_parameters,
@@ -29,7 +26,7 @@ from ssiam.geometry import (
 from ssiam.motion import Motion
 from ssiam.stabilize.config import PredictConfig
 
-Point = NDArray[np.float64]  # (2,) x, y in pixels
+Point = tuple[float, float]  # x, y in pixels
 
 _MAX_ERROR: Final = 2.0  # target sizes; larger errors of a prediction are cut off
 _LOW_SCORE: Final = 0.15  # a box with a lower score does not update the target's speed
@@ -52,6 +49,7 @@ class Hypothesis(IntEnum):
     MOVING_IN_SCENE = 3  # same velocity in the scene
 
 
+_STANDING: Final = (0.0, 0.0), (0.0, 0.0)
 _WITH_CAMERA: Final = (Hypothesis.FIXED, Hypothesis.MOVING_IN_SCENE)
 
 
@@ -60,7 +58,7 @@ class _Step:
     """A frame after `update` and before `observe` or `hold`."""
 
     motion: Motion
-    positions: Points  # (4, 2) predicted centers by `Hypothesis`, raw-frame pixels
+    positions: tuple[Point, ...]  # predicted centers by `Hypothesis`, raw-frame pixels
     prev_stab_from_raw: Transform
 
 
@@ -92,8 +90,8 @@ class TargetPredictor(DeepCopied):
         # Running means of the errors by hypothesis, target sizes. The predictions with camera
         # motion are preferred at first: a shake can lose the target in one frame, a pan that
         # follows the target cannot.
-        self._errors = np.array([_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0])
-        self._speeds = np.zeros((2, 2))  # px per frame: in the frame, in the scene
+        self._errors = [_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0]
+        self._speeds = _STANDING  # px per frame: in the frame, in the scene
         self._elapsed = 1  # frames since the last box
         self._step: _Step | None = None
         self._box = xywh
@@ -102,7 +100,7 @@ class TargetPredictor(DeepCopied):
     def move_to(self, xywh: XYWH) -> None:
         """Set the target's box (raw-frame pixels) and a speed of 0; the errors are kept."""
         self._set_box(xywh)
-        self._speeds = np.zeros((2, 2))
+        self._speeds = _STANDING
 
     def coast(self, xywh: XYWH) -> None:
         """Set the assumed box (raw-frame pixels) of a hidden target; speed and errors are kept."""
@@ -114,13 +112,14 @@ class TargetPredictor(DeepCopied):
 
         Also sets `stab_from_raw` to the view of that frame.
         """
-        positions = self._predict(motion)
+        cur_from_prev = motion.at(self._center)
+        positions = self._predict(cur_from_prev)
         self._step = _Step(motion, positions, self.stab_from_raw)
         chosen = self._choice()
-        angle = _angle(self.stab_from_raw)
-        if self._config.turn and chosen in _WITH_CAMERA:
-            angle -= self._rigid_at_target(motion)[2]
         if chosen != Hypothesis.STILL or self.stab_from_raw is not IDENTITY:
+            angle = _angle(self.stab_from_raw)
+            if self._config.turn and chosen in _WITH_CAMERA:
+                angle -= rigid_parameters(cur_from_prev, self._center)[2]
             self.stab_from_raw = self._view(angle, positions[chosen])
         return self._box_at(positions[chosen])
 
@@ -134,15 +133,21 @@ class TargetPredictor(DeepCopied):
         config, step = self._config, self._step
         has_low_score = config.trust and score < _LOW_SCORE
         if has_low_score:
-            self._speeds *= 1 - _SPEED_LOSS
+            in_frame, in_scene = self._speeds
+            self._speeds = _slower(in_frame), _slower(in_scene)
         if step is not None and step.motion.reliable:
-            center = _center(xywh)
-            errors = np.linalg.norm(step.positions - center, axis=1) / self._size
+            center, size = _center(xywh), self._size
             memory = config.memory ** (_LOW_SCORE_WEIGHT if has_low_score else 1.0)
-            self._errors = memory * self._errors + (1 - memory) * np.minimum(errors, _MAX_ERROR)
+            self._errors = [
+                memory * error + (1 - memory) * min(_distance(position, center) / size, _MAX_ERROR)
+                for error, position in zip(self._errors, step.positions, strict=True)
+            ]
             if not has_low_score:
-                moved = center - step.positions[[Hypothesis.STILL, Hypothesis.FIXED]]
-                self._speeds += (1 - config.smoothing) * (moved / self._elapsed - self._speeds)
+                in_frame, in_scene = self._speeds
+                self._speeds = (
+                    self._updated_speed(in_frame, step.positions[Hypothesis.STILL], center),
+                    self._updated_speed(in_scene, step.positions[Hypothesis.FIXED], center),
+                )
         self._elapsed = 1
         self._set_box(xywh)
 
@@ -156,23 +161,25 @@ class TargetPredictor(DeepCopied):
             motion, self.stab_from_raw = self._step.motion, self._step.prev_stab_from_raw
             self._elapsed += 1
             if motion.reliable:
-                x, y = self._center.tolist()
-                cur_from_prev = rigid(*self._rigid_at_target(motion), (x, y))
-                self._center = np.array(map_point(motion.at((x, y)), x, y))
-                self.stab_from_raw = self.stab_from_raw @ np.linalg.inv(cur_from_prev)
+                cur_from_prev = motion.at(self._center)
+                # A similarity's zoom and a homography's tilt would change the size of the target.
+                shift_angle = rigid_parameters(cur_from_prev, self._center)
+                prev_from_cur = inverse(rigid(*shift_angle, self._center))
+                self.stab_from_raw = self.stab_from_raw @ prev_from_cur
+                self._center = map_point(cur_from_prev, *self._center)
             self._step = None
         return self._box_at(self._center)
 
     @property
     def traveled(self) -> tuple[float, float]:
         """Distance (dx, dy) in the scene since the last box at constant speed; pixels."""
-        x, y = (self._speeds[1] * (self._elapsed - 1)).tolist()
-        return x, y
+        _, (dx, dy) = self._speeds
+        return dx * (self._elapsed - 1), dy * (self._elapsed - 1)
 
     @property
     def error(self) -> float:
         """Recent error of the best prediction, target sizes."""
-        return float(self._errors.min())
+        return min(self._errors)
 
     @property
     def _size(self) -> float:
@@ -183,32 +190,33 @@ class TargetPredictor(DeepCopied):
         self._box, self._center, self._step = xywh, _center(xywh), None
 
     def _box_at(self, center: Point) -> XYWH:
-        (x, y), (w, h) = center.tolist(), self._box[2:]
+        (x, y), (_, _, w, h) = center, self._box
         return x - w / 2, y - h / 2, w, h
 
-    def _rigid_at_target(self, motion: Motion) -> tuple[float, float, float]:
-        """Shift (pixels) and rotation (radians) of the background at the target: views are rigid.
+    def _predict(self, cur_from_prev: Transform) -> tuple[Point, ...]:
+        """The target center predicted by each hypothesis, raw-frame pixels."""
+        x, y = self._center
+        u, v = map_point(cur_from_prev, x, y)
+        (dx, dy), (du, dv) = self._speeds if self._config.speed else _STANDING
+        return (x, y), (x + dx, y + dy), (u, v), (u + du, v + dv)
 
-        A similarity's zoom and a homography's tilt would change the size of the target.
-        """
-        x, y = self._center.tolist()
-        return rigid_parameters(motion.at((x, y)), (x, y))
-
-    def _predict(self, motion: Motion) -> Points:
-        """The target center (4, 2) predicted by each hypothesis, raw-frame pixels."""
-        still = self._center
-        x, y = still.tolist()
-        fixed = np.array(map_point(motion.at((x, y)), x, y))
-        in_frame, in_scene = self._speeds if self._config.speed else np.zeros((2, 2))
-        return np.array([still, still + in_frame, fixed, fixed + in_scene])
+    def _updated_speed(self, speed: Point, expected: Point, center: Point) -> Point:
+        """Running mean of the speed of a target that was expected elsewhere, px per frame."""
+        (dx, dy), (x, y), (new_x, new_y) = speed, expected, center
+        gain = 1 - self._config.smoothing
+        return (
+            dx + gain * ((new_x - x) / self._elapsed - dx),
+            dy + gain * ((new_y - y) / self._elapsed - dy),
+        )
 
     def _choice(self) -> Hypothesis:
         """The hypothesis with the least error, if it is clearly better than `STILL`."""
         if not self._config.choose:
             return Hypothesis.MOVING_IN_SCENE
-        best = Hypothesis(int(np.argmin(self._errors)))
-        better = self._errors[best] + self._config.margin < self._errors[Hypothesis.STILL]
-        return best if better else Hypothesis.STILL
+        least = min(self._errors)
+        if least + self._config.margin < self._errors[Hypothesis.STILL]:
+            return Hypothesis(self._errors.index(least))
+        return Hypothesis.STILL
 
     def _view(self, angle: float, position: Point) -> Transform:
         """The view that shows the raw-frame `position` where the last view shows the target.
@@ -216,8 +224,8 @@ class TargetPredictor(DeepCopied):
         A small step back toward the raw frame keeps the view from drifting away, so that rendered
         frames still show the area of the raw frame.
         """
-        (x, y), step = position.tolist(), _MAX_RETURN_STEP * self._size
-        last_x, last_y = map_point(self.stab_from_raw, *self._center.tolist())
+        (x, y), step = position, _MAX_RETURN_STEP * self._size
+        last_x, last_y = map_point(self.stab_from_raw, *self._center)
         dx, dy = (
             offset - max(-step, min(_RETURN * offset, step)) for offset in (last_x - x, last_y - y)
         )
@@ -229,7 +237,16 @@ class TargetPredictor(DeepCopied):
 
 def _center(xywh: XYWH) -> Point:
     x, y, w, h = xywh
-    return np.array([x + w / 2, y + h / 2])
+    return x + w / 2, y + h / 2
+
+
+def _distance(first: Point, second: Point) -> float:
+    dx, dy = first[0] - second[0], first[1] - second[1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+def _slower(speed: Point) -> Point:
+    return speed[0] * (1 - _SPEED_LOSS), speed[1] * (1 - _SPEED_LOSS)
 
 
 def _angle(to_from_from: Transform) -> float:

@@ -112,6 +112,11 @@ class CompleteTracker(DeepCopied, ABC):
         """Whether candidates near the predicted position are ranked higher."""
         return self.has_responses
 
+    @property
+    def runs_networks(self) -> bool:
+        """Whether `update` takes most of its time in networks of `ssiam.runtime`."""
+        return False
+
     @abstractmethod
     def init(self, view: FrameView, xywh: XYWH) -> None:
         """Take the object in `xywh` as the target; an earlier target is dropped."""

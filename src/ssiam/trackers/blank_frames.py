@@ -23,6 +23,7 @@ _COLUMNS: Final = 96  # columns of these rows that are compared
 _ROW_DISTANCE: Final = 4  # px between two compared rows
 _SAME_ROW: Final = 4  # gray levels, maximum difference of two rows that a decoder has repeated
 _COVERED: Final = 0.4  # share of torn rows in the box from which the target is not visible
+_PIXEL: Final = np.dtype("V3")  # three channels of 8 bits
 _PATIENCE: Final = 25  # blank frames after which torn rows are accepted as part of the scene
 
 
@@ -38,6 +39,11 @@ class BlankFrameDetector:
     def __init__(self, frame: Image) -> None:
         self._repeated_rows = _repeated_rows(frame)  # of the last frame that was not blank
         self._frames_blank = 0  # consecutive frames before this one
+        self._prepared: tuple[Image, NDArray[np.bool_]] | None = None
+
+    def prepare(self, frame: Image) -> None:
+        """Do what `is_blank` needs of the next frame without its box; from any thread."""
+        self._prepared = frame, _repeated_rows(frame)
 
     def is_blank(self, frame: Image, xywh: XYWH, *, lost: bool) -> bool:
         """Whether `frame` is blank around the box `xywh`; to be called once for each frame.
@@ -51,10 +57,13 @@ class BlankFrameDetector:
             Whether the target is lost. It may then be anywhere, so a frame is blank only if it is
             flat everywhere.
         """
+        prepared, self._prepared = self._prepared, None
         if _is_flat(frame, None if lost else xywh):
             self._frames_blank += 1
             return True
-        repeated = _repeated_rows(frame)
+        if prepared is None or prepared[0] is not frame:
+            prepared = frame, _repeated_rows(frame)
+        repeated = prepared[1]
         torn = repeated & ~self._repeated_rows
         if torn.any() and self._frames_blank < _PATIENCE:
             self._frames_blank += 1
@@ -70,18 +79,19 @@ def _is_flat(frame: Image, xywh: XYWH | None) -> bool:
     if xywh is not None:
         x, y, w, h = xywh
         reach = _REACH * max(w, h)
-        left, right = (int(np.clip(edge, 0, width)) for edge in (x - reach, x + w + reach))
-        top, bottom = (int(np.clip(edge, 0, height)) for edge in (y - reach, y + h + reach))
+        left, right = (int(min(max(edge, 0), width)) for edge in (x - reach, x + w + reach))
+        top, bottom = (int(min(max(edge, 0), height)) for edge in (y - reach, y + h + reach))
         if right - left < _SAMPLES or bottom - top < _SAMPLES:
             return False  # too small a part of the area is in the frame
     step_x, step_y = (
         max((end - start) // (_SAMPLES * _PIXELS_PER_SAMPLE), 1)
         for start, end in ((left, right), (top, bottom))
     )
-    area = np.ascontiguousarray(frame[top:bottom:step_y, left:right:step_x])
+    area = _sampled(frame, slice(top, bottom, step_y), slice(left, right, step_x))
     samples = cv2.resize(area, (_SAMPLES, _SAMPLES), interpolation=cv2.INTER_AREA)
-    vertical_range = np.ptp(samples, axis=0).max()  # also 0 where a decoder repeats a row
-    return bool(vertical_range <= _FLAT)
+    # The range along y is also 0 where a decoder repeats a row.
+    vertical_range = np.maximum.reduce(samples) - np.minimum.reduce(samples)
+    return bool(vertical_range.max() <= _FLAT)
 
 
 def _repeated_rows(frame: Image) -> NDArray[np.bool_]:
@@ -90,9 +100,19 @@ def _repeated_rows(frame: Image) -> NDArray[np.bool_]:
     last = len(frame) - _ROW_DISTANCE
     if last <= 0:
         return np.zeros(1, dtype=np.bool_)
-    rows, below = frame[:last:step_y, ::step_x], frame[_ROW_DISTANCE::step_y, ::step_x]
-    difference = cv2.absdiff(np.ascontiguousarray(rows), np.ascontiguousarray(below))
-    return np.asarray(difference.max(axis=(1, 2)) <= _SAME_ROW)
+    columns = slice(None, None, step_x)
+    rows = _sampled(frame, slice(None, last, step_y), columns)
+    below = _sampled(frame, slice(_ROW_DISTANCE, None, step_y), columns)
+    difference = cv2.absdiff(rows, below).reshape(len(rows), -1)
+    return np.asarray(difference.max(axis=1) <= _SAME_ROW)
+
+
+def _sampled(frame: Image, rows: slice, columns: slice) -> Image:
+    """Some rows and columns of a frame, contiguous; pixel by pixel if channels are in order."""
+    if frame.strides[2] != 1:
+        return np.ascontiguousarray(frame[rows, columns])
+    pixels = np.ascontiguousarray(frame.view(_PIXEL)[rows, columns])
+    return pixels.view(np.uint8)
 
 
 def _is_covered(torn_rows: NDArray[np.bool_], height: int, xywh: XYWH) -> bool:

@@ -12,9 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
-from ssiam.geometry import IDENTITY, XYWH, Image, Transform, map_box
+from ssiam.geometry import IDENTITY, XYWH, Image, Transform, inverse, map_box
 from ssiam.motion import Motion
 from ssiam.stabilize import FrameView, Stabilizer, StabilizerConfig
 from ssiam.track import Track
@@ -142,9 +140,10 @@ class StabilizedFollower:
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """Move on to the next frame; nothing is predicted."""
-        stab_from_raw = IDENTITY if motion is None else self._stabilizer.update(motion)
-        raw_from_stab = np.asarray(np.linalg.inv(stab_from_raw))
-        return FrameStep(motion, stab_from_raw, map_box(raw_from_stab, self._stab_xywh))
+        if motion is None:
+            return FrameStep(None, IDENTITY, self._stab_xywh)
+        stab_from_raw = self._stabilizer.update(motion)
+        return FrameStep(motion, stab_from_raw, map_box(inverse(stab_from_raw), self._stab_xywh))
 
     def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The target in `frame`, raw-frame pixels."""

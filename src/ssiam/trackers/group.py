@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from numbers import Real
 from typing import Any, TypeVar
@@ -190,14 +190,17 @@ class TrackerGroup(NotPicklable):
         ]
         predicted = [None if step is None else step.predicted_xywh for step in steps]
         exclude = [box for box in predicted if box is not None]
+        beside: AbstractContextManager[None] = nullcontext()
         if (
             self._camera is not None
             and can_prefetch
             and following is not None
             and len(exclude) == len(predicted)
         ):
-            self._camera.start(following, exclude=exclude)
-        located = self._located(failures, frame, steps, motion)
+            start = partial(self._camera.start, following, exclude=exclude)
+            beside = self._prototype.beside_network(start)
+        with beside:
+            located = self._located(failures, frame, steps, motion)
         self.failures = failures
         tracks = [
             self._failed_track(index) if track is None else track

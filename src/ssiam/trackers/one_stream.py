@@ -256,6 +256,7 @@ class OneStreamTracker(CompleteTracker):
 
     center_inset = 0.0
     score_is_calibrated = False
+    runs_networks = True
 
     def __init__(self, network: OneStreamNetwork) -> None:
         self._network = network

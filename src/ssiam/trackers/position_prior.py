@@ -7,11 +7,8 @@ predicted. (In a map of scores alone, the cosine window plays this role, with on
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
-
-import numpy as np
 
 from ssiam.geometry import XYWH
 from ssiam.trackers.responses import Response
@@ -36,7 +33,7 @@ def near_prediction(response: Response, stab_xywh: XYWH, error: float) -> Respon
         Recent error of the predictions, target sizes.
     """
     x, y, w, h = stab_xywh
-    cx, cy = response.boxes[:2]
-    distances = np.hypot(cx - (x + w / 2), cy - (y + h / 2)) / math.sqrt(w * h)
+    dx, dy = response.boxes[0] - (x + w / 2), response.boxes[1] - (y + h / 2)
     halving = _HALVING + _HALVING_PER_ERROR * error
-    return replace(response, ranked=response.ranked / (1 + (distances / halving) ** 2))
+    relative = (dx * dx + dy * dy) / (w * h * halving**2)
+    return replace(response, ranked=response.ranked / (1 + relative))

@@ -22,7 +22,7 @@ from ssiam.motion import Motion
 from ssiam.stabilize import FrameView
 from ssiam.trackers.base import CompleteTracker
 from ssiam.trackers.colors import color_histogram, color_similarity
-from ssiam.trackers.template_memory import beside, relative_feature
+from ssiam.trackers.template_memory import beside, inner_product, relative_feature
 
 Floats = NDArray[np.float64]
 
@@ -176,7 +176,7 @@ class Evidence(DeepCopied):
 def _similarity(sample: _Sample, samples: Sequence[_Sample]) -> tuple[float, float]:
     """The highest similarity of the features, and of the colors, to one of the samples."""
     return (
-        max(float(sample.feature @ each.feature) for each in samples),
+        max(inner_product(sample.feature, each.feature) for each in samples),
         max(color_similarity(sample.colors, each.colors) for each in samples),
     )
 

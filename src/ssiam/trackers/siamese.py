@@ -6,6 +6,7 @@ asymmetry of half a pixel between the given box and the reported one.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssiam.errors import ArgumentError
-from ssiam.geometry import XYWH, Image, map_points
+from ssiam.geometry import XYWH, Image, map_point
 from ssiam.runtime import Tensor
 from ssiam.stabilize import FrameView
 from ssiam.track import Track
@@ -80,7 +81,7 @@ class TargetState:
         """Side of the square around the target and its context (pysot's s_z), stabilized pixels."""
         w, h = self.size_wh
         context = CONTEXT * (w + h)
-        return float(np.sqrt((w + context) * (h + context)))
+        return math.sqrt((w + context) * (h + context))
 
 
 TargetT = TypeVar("TargetT")
@@ -104,6 +105,7 @@ class SiameseTracker(CompleteTracker, Generic[TargetT]):
 
     center_inset = 1.0
     has_template_feature = True
+    runs_networks = True
 
     def __init__(self, distractors: bool = False) -> None:
         self._has_distractors = distractors
@@ -208,20 +210,22 @@ def updated_state(state: TargetState, box: Floats, zoom: float, rate: float) -> 
     rate : float
         Share 0..1 of the candidate's size in the new one.
     """
-    cx, cy, w, h = box / zoom
+    cx, cy, w, h = (box / zoom).tolist()
+    rate = float(rate)
     new_w = state.size_wh[0] * (1 - rate) + w * rate
     new_h = state.size_wh[1] * (1 - rate) + h * rate
-    return TargetState(
-        (state.center_xy[0] + cx, state.center_xy[1] + cy), (float(new_w), float(new_h))
-    )
+    return TargetState((state.center_xy[0] + cx, state.center_xy[1] + cy), (new_w, new_h))
 
 
 def clamped_state(
     state: TargetState, view: FrameView, min_wh: tuple[float, float] = REFERENCE_MIN_WH
 ) -> TargetState:
     """The state with its center inside of the frame, and a size from `min_wh` to the frame's."""
-    w, h = np.clip(state.size_wh, min_wh, view.size_wh).tolist()
-    return TargetState(_inside_frame(view, state.center_xy), (w, h))
+    w, h = (
+        min(max(side, least), most)
+        for side, least, most in zip(state.size_wh, min_wh, view.size_wh, strict=True)
+    )
+    return TargetState(_inside_frame(view, state.center_xy), (float(w), float(h)))
 
 
 def min_size_iou(
@@ -312,15 +316,13 @@ def boxes_in_view(boxes: Floats, zoom: float, last: TargetState) -> Floats:
 
 def _inside_frame(view: FrameView, center_xy: tuple[float, float]) -> tuple[float, float]:
     """The point of the raw frame nearest to a stabilized point, in stabilized pixels."""
-    limits = view.size_wh
-    if view.is_raw:
-        cx, cy = np.clip(center_xy, 0, limits)
-        return float(cx), float(cy)
-    raw = map_points(view.raw_from_stab, [center_xy])[0]
-    if (raw >= 0).all() and (raw <= limits).all():
+    (x, y), (width, height) = center_xy, view.size_wh
+    if not view.is_raw:
+        x, y = map_point(view.raw_from_stab, x, y)
+    if 0 <= x <= width and 0 <= y <= height:
         return float(center_xy[0]), float(center_xy[1])
-    cx, cy = map_points(view.stab_from_raw, [np.clip(raw, 0, limits)])[0]
-    return float(cx), float(cy)
+    x, y = float(min(max(x, 0), width)), float(min(max(y, 0), height))
+    return (x, y) if view.is_raw else map_point(view.stab_from_raw, x, y)
 
 
 def _ratio(value: Floats) -> Floats:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import cv2
@@ -23,6 +24,7 @@ from ssiam.geometry import (
     finite_array,
     short_repr,
 )
+from ssiam.inferences import started_by_inference
 from ssiam.motion import CameraMotion, MaskOf, Motion, PrefetchingCameraMotion
 from ssiam.motion.motion import as_motion
 from ssiam.stabilize import FrameView, StabilizerConfig
@@ -58,6 +60,10 @@ class _Target:
     blanks: BlankFrameDetector
     follower: Follower
     camera: PrefetchingCameraMotion | None
+
+    def is_blank(self, frame: Image, step: FrameStep) -> bool:
+        """Whether `frame` shows nothing where the target is searched; once for each frame."""
+        return self.blanks.is_blank(frame, step.search_xywh, lost=self.loss.lost)
 
 
 class StabilizedTracker(NotPicklable):
@@ -223,10 +229,24 @@ class StabilizedTracker(NotPicklable):
         camera = target.camera
         if camera is not None:
             motion = camera.update(frame, target.exclude_xywh, motion)
-        step = self.advance(motion)
-        if camera is not None and can_prefetch and following is not None and step.predicted_xywh:
-            camera.start(following, step.predicted_xywh)
-        return self.locate(frame, step)
+        with _arithmetic_as_tracking_error():
+            step = self._advance(target, motion)
+            is_blank = target.is_blank(frame, step)
+            if camera and can_prefetch and following is not None and step.predicted_xywh:
+                start = partial(camera.start, following, step.predicted_xywh, target.blanks.prepare)
+                with self.beside_network(start):
+                    return self._locate(target, frame, step, is_blank)
+            return self._locate(target, frame, step, is_blank)
+
+    def beside_network(self, start: Callable[[], None]) -> AbstractContextManager[None]:
+        """Call `start`, which starts another thread, when the block's first network begins.
+
+        Without networks it is called at once.
+        """
+        if self._tracker.runs_networks:
+            return started_by_inference(start)
+        start()
+        return nullcontext()
 
     def advance(self, motion: Motion | None) -> FrameStep:
         """The first half of `update`, for callers that estimate the motion themselves.
@@ -253,10 +273,7 @@ class StabilizedTracker(NotPicklable):
         if motion is not None:
             motion = as_motion(motion, target.size_wh)
         with _arithmetic_as_tracking_error():
-            step = target.follower.advance(motion)
-            if not _is_within_bounds(step, target.size_wh):
-                raise OverflowError
-        return step
+            return self._advance(target, motion)
 
     def locate(self, frame: Image, step: FrameStep, taken: Sequence[XYWH] = ()) -> Track:
         """The second half of `update`: the target in `frame`, raw-frame pixels.
@@ -267,7 +284,7 @@ class StabilizedTracker(NotPicklable):
         target = self._current_target()
         check_frame(frame, target.size_wh)
         with _arithmetic_as_tracking_error():
-            return self._locate(target, frame, step, taken=taken)
+            return self._locate(target, frame, step, target.is_blank(frame, step), taken=taken)
 
     def respond(self, frame: Image, step: FrameStep) -> FrameResponse | None:
         """The tracker's candidates in `frame`, for a decision in place of `locate`.
@@ -288,17 +305,25 @@ class StabilizedTracker(NotPicklable):
         target = self._current_target()
         check_frame(frame, target.size_wh)
         with _arithmetic_as_tracking_error():
-            return self._locate(target, frame, step, decision)
+            return self._locate(target, frame, step, target.is_blank(frame, step), decision)
+
+    def _advance(self, target: _Target, motion: Motion | None) -> FrameStep:
+        """As `advance`, by a valid motion."""
+        step = target.follower.advance(motion)
+        if not _is_within_bounds(step, target.size_wh):
+            raise OverflowError
+        return step
 
     def _locate(
         self,
         target: _Target,
         frame: Image,
         step: FrameStep,
+        is_blank: bool,
         decision: Decision | None = None,
         taken: Sequence[XYWH] = (),
     ) -> Track:
-        if target.blanks.is_blank(frame, step.search_xywh, lost=target.loss.lost):
+        if is_blank:
             track = target.follower.hold(step)
         elif decision is not None:
             track = target.follower.decide(step, decision)

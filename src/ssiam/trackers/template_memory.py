@@ -14,6 +14,7 @@ limit fit the features of all networks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -193,6 +194,11 @@ class TemplateMemoryTracker(CompleteTracker):
         return self._tracker.score_is_calibrated
 
     @property
+    def runs_networks(self) -> bool:
+        """As for the tracker."""
+        return self._tracker.runs_networks
+
+    @property
     def reseek_below(self) -> float:
         """As for the tracker."""
         return self._tracker.reseek_below
@@ -249,7 +255,7 @@ class TemplateMemoryTracker(CompleteTracker):
         """
         target = self._target
         relative = relative_feature(self._feature(view, xywh), target.surroundings)
-        return max(float(relative @ each) for each in target.features)
+        return max(inner_product(relative, each) for each in target.features)
 
     @property
     def _target(self) -> _Target:
@@ -330,7 +336,8 @@ class TemplateMemoryTracker(CompleteTracker):
         parameters = self._parameters
         # As in THOR the limit is lower while the appearance changes.
         changing = diversity([each.feature for each in target.short_term])
-        if float(template.feature @ target.first) < parameters.min_similarity * (1 - changing):
+        similarity = inner_product(template.feature, target.first)
+        if similarity < parameters.min_similarity * (1 - changing):
             return
         features = target.features
         slot = selected_slot(
@@ -343,8 +350,17 @@ class TemplateMemoryTracker(CompleteTracker):
 def relative_feature(feature: Floats, surroundings: Floats) -> Floats:
     """Unit vector of a feature's difference from the surroundings; zeros if there is none."""
     difference = feature - surroundings
-    length = float(np.linalg.norm(difference))
+    length = math.sqrt(inner_product(difference, difference))
     return difference / length if length > _MIN_LENGTH else 0 * difference
+
+
+def inner_product(one: Floats, other: Floats) -> float:
+    """Inner product of two features (n,).
+
+    BLAS shares long vectors among threads, and waits many milliseconds for them if the other cores
+    are busy.
+    """
+    return float(np.einsum("i,i->", one, other))
 
 
 def beside(xywh: XYWH) -> list[XYWH]:
@@ -356,7 +372,7 @@ def beside(xywh: XYWH) -> list[XYWH]:
 
 def _gram(features: Sequence[Floats]) -> Floats:
     stacked = np.stack(features)
-    return np.asarray(stacked @ stacked.T)
+    return np.asarray(np.einsum("in,jn->ij", stacked, stacked))  # see `inner_product`
 
 
 def _volume(features: Sequence[Floats]) -> float:

@@ -83,13 +83,13 @@ class BoxProposer:
         height, width = image.shape[:2]
         shorter = min(width, height)
         sides = np.geomspace(_SMALLEST, max(_SMALLEST, _LARGEST_SHARE * shorter), _SIZES)
-        view, fill = FrameView(image), np.asarray(image.mean(axis=(0, 1)))
+        view = FrameView(image)
         found = []
         for side in sides:
             for aspect in _ASPECTS:
                 w, h = float(side * aspect**0.5), float(side / aspect**0.5)
                 start = point_xy[0] - w / 2, point_xy[1] - h / 2, w, h
-                candidate = self._refine(view, point_xy, start, fill)
+                candidate = self._refine(view, point_xy, start, view.mean_color)
                 if candidate is not None:
                     found.append(candidate)
         if not found:
