@@ -68,6 +68,7 @@ INPUTS = [
     ("address of a file", ("track", "FILE://clip.mp4", *TRACK, "--out", "clip.mp4"), "--out"),
     ("list", ("track", "list.ffconcat", *TRACK, "--out", "link.mp4"), "the source clip.mp4"),
     ("playlist", ("track", "master.m3u8", *TRACK, "--out", "clip.mp4"), "the source hard.mp4"),
+    ("listed and missing", ("track", "list.m3u8", *TRACK, "--out", "seg.m4s"), "--out seg.m4s"),
     ("cycle", ("track", "cycle.m3u8", *TRACK, "--out", "clip.mp4"), "the source hard.mp4"),
     ("frame", ("track", "frames", *TRACK, "--plot", "frames/1.png"), "--plot frames/1.png"),
     ("hard link of a frame", ("track", "frames", *TRACK, "--results", "hard.csv"), "hard.csv"),

@@ -64,7 +64,7 @@ def _images(folder: Path) -> list[Path]:
 
 
 def _listed(path: Path) -> list[Path]:
-    """The existing files that a playlist lists, including those of nested playlists."""
+    """The files that a playlist lists, including those of nested playlists."""
     found: list[Path] = []
     visited = {_identity(str(path))}
     waiting = [path]
@@ -73,19 +73,20 @@ def _listed(path: Path) -> list[Path]:
         folder = str(playlist.parent)
         for name in dict.fromkeys(_names_in(playlist)):
             identity = _identity(os.path.join(folder, name))
-            if identity is not None and identity not in visited:
+            if identity not in visited:
                 visited.add(identity)
                 found.append(playlist.parent / name)
-                waiting.append(found[-1])
+                if not isinstance(identity, str):
+                    waiting.append(found[-1])
     return found
 
 
-def _identity(path: str) -> tuple[int, int] | None:
-    """Device and number of a file, which are the same under all its names; None without one."""
+def _identity(path: str) -> tuple[int, int] | str:
+    """Device and number of a file, the same under all its names; the path of a missing one."""
     try:
         status = os.stat(path)
-    except OSError:
-        return None
+    except (OSError, ValueError):
+        return path
     return status.st_dev, status.st_ino
 
 
