@@ -138,7 +138,7 @@ def angle_of(stab_from_raw):
     return rigid_parameters(stab_from_raw, frame_center(SIZE))[2]
 
 
-@pytest.mark.parametrize("roll", [0.2, -0.2])
+@pytest.mark.parametrize("roll", [0.09, -0.09])
 @pytest.mark.parametrize("turn", [True, False])
 def test_a_roll_is_compensated_and_the_view_returns_to_upright(roll, turn):
     path = shaken(200, angle=0.0)
@@ -153,6 +153,17 @@ def test_a_roll_is_compensated_and_the_view_returns_to_upright(roll, turn):
     assert (np.diff(angles[29:]) > 0).all()
     assert abs(angles[-1]) < 0.05
     assert center_errors(expected, boxes)[5:].max() < 0.1  # the rotation is about the target
+
+
+@pytest.mark.parametrize("roll", [0.017, -0.017])
+def test_a_steady_roll_turns_the_view_by_a_tenth_of_a_radian_at_most(roll):
+    """A camera that circles its target: what stands upright must not be tilted."""
+    path = [rigid(0, 0, index * roll, frame_center(SIZE)) for index in range(60)]
+    boxes = in_frames(path, [BOX] * len(path))
+    _, views = run_predictor(TargetPredictor(replace(CONFIG, choose=False), BOX), path, boxes)
+    angles = np.array([angle_of(view) for view in views]) / np.sign(roll)
+    assert angles.min() == pytest.approx(-0.1)
+    assert angles[-1] == pytest.approx(-0.1)
 
 
 def test_the_view_stays_near_the_raw_frame_under_shake():
@@ -232,13 +243,22 @@ def test_the_speed_is_that_in_the_frame_and_in_the_scene():
     np.testing.assert_allclose(predictor._speeds, [[3, 1], [-2, -1]], atol=1e-9)
 
 
-def test_low_scores_halve_the_speed():
+def test_low_scores_slow_the_target_by_a_tenth():
     config = replace(CONFIG, choose=False)
-    for score, speed in ((0.149, 2.0), (0.15, 3.0)):
+    for score, speed in ((0.149, 3.6), (0.15, 3.0)):
         predictor, _ = stepped(config, (8.0, 1.0), (2.0, score))
         np.testing.assert_allclose(np.array(predictor._speeds)[:, 0], speed)
     predictor, _ = stepped(replace(config, trust=False), (8.0, 1.0), (2.0, 0.0))
     np.testing.assert_allclose(np.array(predictor._speeds)[:, 0], 3.0)
+
+
+def test_a_target_in_doubt_for_a_few_frames_moves_on():
+    """A skier who tumbles: four frames of low scores, in which the box stays behind."""
+    predictor, box = stepped(replace(CONFIG, choose=False), *[(8.0, 1.0)] * 20)
+    for _ in range(4):
+        predictor.update(STILL)
+        predictor.observe(box, 0.05)
+    assert predictor.update(STILL)[0] - box[0] == pytest.approx(8 * 0.9**4, rel=0.01)
 
 
 def test_errors_are_running_means_in_target_sizes():
@@ -333,11 +353,11 @@ def test_a_shown_target_returns_by_a_twentieth_and_at_most_a_tenth_of_its_size()
 def test_the_view_turns_back_by_a_twentieth():
     fixed = replace(CONFIG, choose=False, speed=False)
     predictor = TargetPredictor(fixed, BOX)
-    predictor.update(Motion.from_transform(rigid(0, 0, 0.2, center(BOX)), SIZE))
-    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.19)
+    predictor.update(Motion.from_transform(rigid(0, 0, 0.08, center(BOX)), SIZE))
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.076)
     predictor.observe(BOX, 1.0)
     predictor.update(STILL)
-    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.19 * 0.95)
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(-0.076 * 0.95)
 
 
 @pytest.mark.parametrize(
@@ -370,9 +390,9 @@ def test_a_chosen_position_in_the_frame_keeps_the_angle_of_the_view():
     predictor._errors = [0.0, 0.5, 0.5, 0.5]
     predictor.update(roll)
     np.testing.assert_array_equal(predictor.stab_from_raw, np.eye(3))
-    predictor.stab_from_raw = rigid(5, 0, 0.2)
+    predictor.stab_from_raw = rigid(5, 0, 0.08)
     predictor.update(roll)
-    assert angle_of(predictor.stab_from_raw) == pytest.approx(0.19)
+    assert angle_of(predictor.stab_from_raw) == pytest.approx(0.076)
 
 
 def test_unreliable_motions_leave_errors_and_speed():
@@ -433,7 +453,7 @@ class ArrayPredictor:
         memory = self.config.memory ** (0.5 if score < 0.15 else 1)
         self.errors = memory * self.errors + (1 - memory) * np.minimum(errors, 2)
         if score < 0.15:
-            self.speeds = self.speeds / 2
+            self.speeds = self.speeds * 0.9
         else:
             moved = self.center - self.positions[[0, 2]]
             self.speeds += (1 - self.config.smoothing) * (moved - self.speeds)

@@ -32,11 +32,12 @@ _MAX_ERROR: Final = 2.0  # target sizes; larger errors of a prediction are cut o
 _LOW_SCORE: Final = 0.15  # a box with a lower score does not update the target's speed
 _INITIAL_ERROR: Final = 0.3  # target sizes, of the predictions without camera motion
 _LOW_SCORE_WEIGHT: Final = 0.5  # weight, in frames, of a low-score box
-_SPEED_LOSS: Final = 0.5  # share of its speed that a target loses in each low-score frame
+_SPEED_LOSS: Final = 0.1  # share of its speed that a target loses in each low-score frame
 # In each frame the view returns toward the raw frame by a share of its shift and rotation. The step
 # is limited to what trackers tolerate.
 _RETURN: Final = 0.05  # share
 _MAX_RETURN_STEP: Final = 0.1  # target sizes
+_MAX_TURN: Final = 0.1  # radians: a target may be upright in a scene that turns
 _MIN_OFFSET: Final = 0.01  # target sizes, and radians: below it the view is the raw frame
 
 
@@ -230,6 +231,7 @@ class TargetPredictor(DeepCopied):
             offset - max(-step, min(_RETURN * offset, step)) for offset in (last_x - x, last_y - y)
         )
         angle = math.remainder(angle, math.tau) * (1 - _RETURN)
+        angle = max(-_MAX_TURN, min(angle, _MAX_TURN))
         if max(abs(dx) / self._size, abs(dy) / self._size, abs(angle)) < _MIN_OFFSET:
             return IDENTITY
         return rigid(dx, dy, angle, (x, y))

@@ -81,7 +81,9 @@ def _picture(frame: Image) -> Picture:
     height, width = frame.shape[:2]
     rows = max(round(_SIDE * height / width), 8)
     step = max(width // (_SIDE * _SAMPLES), 1)
-    small = cv2.resize(frame[::step, ::step], (_SIDE, rows), interpolation=cv2.INTER_AREA)
+    few = (width // step, height // step)
+    sampled = cv2.resize(frame, few, interpolation=cv2.INTER_NEAREST)
+    small = cv2.resize(sampled, (_SIDE, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.float32)
 
 
