@@ -271,6 +271,18 @@ def test_errors_are_running_means_in_target_sizes():
     np.testing.assert_allclose(predictor._errors, expected)
 
 
+def test_the_error_is_not_small_before_predictions_were_tested():
+    """A camera that follows a fast target: at the start the target is far from the prediction."""
+    predictor = TargetPredictor(CONFIG, BOX)
+    assert predictor.error == pytest.approx(0.3)
+    for _ in range(5):
+        predictor.update(STILL)
+        predictor.observe(BOX, 1.0)
+    assert predictor.error == pytest.approx(0.3 * 0.8**5)
+    predictor._errors = [0.05, 0.3, 0.0, 0.2]
+    assert predictor.error == pytest.approx(0.05)
+
+
 def test_errors_of_low_scores_have_half_the_weight():
     predictor = TargetPredictor(CONFIG, BOX)
     predictor.update(STILL)

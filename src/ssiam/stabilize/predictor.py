@@ -92,6 +92,7 @@ class TargetPredictor(DeepCopied):
         # motion are preferred at first: a shake can lose the target in one frame, a pan that
         # follows the target cannot.
         self._errors = [_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0]
+        self._missing_error = _INITIAL_ERROR  # by which the preferred ones are too low
         self._speeds = _STANDING  # px per frame: in the frame, in the scene
         self._elapsed = 1  # frames since the last box
         self._step: _Step | None = None
@@ -143,6 +144,7 @@ class TargetPredictor(DeepCopied):
                 memory * error + (1 - memory) * min(_distance(position, center) / size, _MAX_ERROR)
                 for error, position in zip(self._errors, step.positions, strict=True)
             ]
+            self._missing_error *= memory
             if not has_low_score:
                 in_frame, in_scene = self._speeds
                 self._speeds = (
@@ -179,8 +181,9 @@ class TargetPredictor(DeepCopied):
 
     @property
     def error(self) -> float:
-        """Recent error of the best prediction, target sizes."""
-        return min(self._errors)
+        """Recent error of the best prediction, target sizes; not small before it was tested."""
+        still, moving, fixed, moving_in_scene = self._errors
+        return min(still, moving, min(fixed, moving_in_scene) + self._missing_error)
 
     @property
     def _size(self) -> float:
