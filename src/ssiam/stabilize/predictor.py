@@ -31,6 +31,7 @@ Point = tuple[float, float]  # x, y in pixels
 _MAX_ERROR: Final = 2.0  # target sizes; larger errors of a prediction are cut off
 _LOW_SCORE: Final = 0.15  # a box with a lower score does not update the target's speed
 _INITIAL_ERROR: Final = 0.3  # target sizes, of the predictions without camera motion
+_UNTESTED_ERROR: Final = 0.3  # target sizes, of all predictions before the first frame
 _LOW_SCORE_WEIGHT: Final = 0.5  # weight, in frames, of a low-score box
 _SPEED_LOSS: Final = 0.1  # share of its speed that a target loses in each low-score frame
 # In each frame the view returns toward the raw frame by a share of its shift and rotation. The step
@@ -92,7 +93,7 @@ class TargetPredictor(DeepCopied):
         # motion are preferred at first: a shake can lose the target in one frame, a pan that
         # follows the target cannot.
         self._errors = [_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0]
-        self._missing_error = _INITIAL_ERROR  # by which the preferred ones are too low
+        self._missing_error = _UNTESTED_ERROR  # what is left of it in those with camera motion
         self._speeds = _STANDING  # px per frame: in the frame, in the scene
         self._elapsed = 1  # frames since the last box
         self._step: _Step | None = None

@@ -60,8 +60,7 @@ def color_similarity(one: Floats, other: Floats) -> float:
 def _a_b(image: Image) -> Image:
     """a* and b* of the pixels, each plus 128: (H, W, 2) uint8."""
     relative = _LINEAR[image] @ (_XYZ_FROM_BGR / _WHITE_XYZ[:, None]).T
-    roots = np.where(
-        relative > _DARK, np.cbrt(relative), relative * (29 / 6) ** 2 / 3 + 4 / 29
-    )
+    roots = np.where(relative > _DARK, np.cbrt(relative), relative * (29 / 6) ** 2 / 3 + 4 / 29)
     x, y, z = np.moveaxis(roots, -1, 0)
-    return np.rint(np.stack([500 * (x - y), 200 * (y - z)], axis=-1) + 128).astype(np.uint8)
+    a_b = np.stack([500 * (x - y), 200 * (y - z)], axis=-1)
+    return np.asarray(np.rint(a_b + 128), np.uint8)
