@@ -47,6 +47,13 @@ def test_the_same_scene_is_kept_once():
     assert len(scenes._scenes) <= 3
 
 
+@pytest.mark.parametrize("shape", [(2, 4096, 3), (4096, 2, 3), (7, 2000, 3)])
+def test_a_scene_may_have_any_shape(shape):
+    strip = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    scenes = observed_scenes(strip)
+    assert scenes.find(strip) == pytest.approx(BOX, abs=3)
+
+
 def test_places_like_the_target_are_searched_first():
     search = GlobalSearch()
     search.observe(FRAME, BOX)

@@ -81,8 +81,8 @@ def _picture(frame: Image) -> Picture:
     height, width = frame.shape[:2]
     rows = max(round(_SIDE * height / width), 8)
     step = max(width // (_SIDE * _SAMPLES), 1)
-    few = (width // step, height // step)
-    sampled = cv2.resize(frame, few, interpolation=cv2.INTER_NEAREST)
+    few_wh = width // step, max(height // step, 1)
+    sampled = cv2.resize(frame, few_wh, interpolation=cv2.INTER_NEAREST)
     small = cv2.resize(sampled, (_SIDE, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.float32)
 
