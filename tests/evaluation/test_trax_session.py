@@ -280,7 +280,9 @@ def served_on_a_socket(monkeypatch, text):
         server.join(20)
         assert not server.is_alive()
         assert "TRAX_SOCKET" not in os.environ
-        return tracker, client.recv(1 << 16), errors
+        client.settimeout(20)
+        answers = b"".join(iter(lambda: client.recv(1 << 16), b""))  # until the server's end
+        return tracker, answers, errors
 
 
 def test_a_client_with_a_socket_is_served(monkeypatch, paths):

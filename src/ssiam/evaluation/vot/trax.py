@@ -129,6 +129,7 @@ class _Session:
         traceback: TracebackType | None,
     ) -> None:
         self._server.quit(None if exc is None else one_line(exc))
+        self._relay.finish()
 
 
 class _Relay:
@@ -153,6 +154,12 @@ class _Relay:
         whole, self._target = os.pipe()
         os.environ[_IN_VARIABLE] = str(whole)
         Thread(target=self._run, daemon=True).start()
+
+    def finish(self) -> None:
+        """Tell a client with a socket that this was the last answer."""
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.shutdown(socket.SHUT_WR)
 
     def _run(self) -> None:
         with suppress(OSError), open(self._target, "wb", buffering=0) as file:
@@ -204,6 +211,8 @@ def _connected() -> socket.socket | None:
             raise ValueError("not a port")
         client = socket.create_connection((_HOST, int(port)), _CONNECT_TIMEOUT)
         client.settimeout(None)  # libtrax and the relay use its descriptor
+        # libtrax writes an answer in pieces, each of which would wait for the one before it.
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return client
     except (OSError, ValueError, OverflowError) as error:
         raise StreamError(
