@@ -3,11 +3,11 @@
     python benchmarks/shake/unshaken.py DAVIS --trackers lite nanotrack_v3 [--jobs 2]
 
 DAVIS is the folder of JPEGImages and Annotations (480p): 50 videos, most from a hand-held camera
-that follows its target. None of them was used to choose the parameters of `predict`; lite was
-trained on 40 of them. All labeled objects together are the target. The table has lost targets (VOT
-restarts) and the success of one pass, their differences by video with a bootstrap 95 % interval,
-and the videos with the largest differences of success. NanoTrack needs the folder of test data (see
-benchmarks/common/data.py).
+that follows its target. On them limits of `predict` were chosen, among other videos (decisions 0013
+and 0019); lite was trained on 40 of them. All labeled objects together are the target. The table
+has lost targets (VOT restarts) and the success of one pass, their differences by video with a
+bootstrap 95 % interval, and the videos with the largest differences of success. NanoTrack needs the
+folder of test data (see benchmarks/common/data.py).
 """
 
 from __future__ import annotations
