@@ -1,4 +1,4 @@
-"""How far a view turns, how a target in doubt slows down, and untested predictions.
+"""Limits of predictions: turn of the view, speed of a target in doubt, error at the start.
 
     python benchmarks/calibration/prediction.py [--davis DAVIS] [--sets FOLDER ...] [--frames 50]
         [--trackers lite] [--max-turn 0.1 ...] [--speed-loss 0.1 ...] [--untested-error 0.3 ...]

@@ -85,15 +85,16 @@ def test_the_box_is_held_and_the_target_is_found_again(name, kind, count, shared
 @pytest.mark.parametrize("stabilize", ["off", "paper", "predict"])
 @pytest.mark.parametrize("name", ["lite", "kcf"])
 def test_blank_frames_do_not_change_the_trackers_state(name, stabilize, shared):
+    config = ssiam.StabilizerConfig(stabilize)
+    if name == "kcf":  # whose target is searched for after the gap, and then lost in another way
+        config = config.with_options(find=False)
     frames, truth = spliced("black", 6)
-    tracks = tracked(loaded(name, shared, stabilize=stabilize), frames, truth[0])
+    tracks = tracked(loaded(name, shared, stabilize=config), frames, truth[0])
     for track in tracks[BEFORE : BEFORE + 6]:
         assert track.box == pytest.approx(tracks[BEFORE - 1].box, abs=1e-6)
-    plain = tracked(loaded(name, shared, stabilize=stabilize), demo()[0], truth[0])
+    plain = tracked(loaded(name, shared, stabilize=config), demo()[0], truth[0])
     for after, same in zip(tracks[BEFORE + 6 :], plain[BEFORE:], strict=True):
         if stabilize == "predict":  # a new view is chosen, so the crops differ
-            if same.score < 0.15:  # KCF in doubt: in another view it goes another way
-                break
             assert iou(after.box, same.box) > 0.8
             assert after.score == pytest.approx(same.score, abs=0.2)
         else:

@@ -93,7 +93,7 @@ class TargetPredictor(DeepCopied):
         # motion are preferred at first: a shake can lose the target in one frame, a pan that
         # follows the target cannot.
         self._errors = [_INITIAL_ERROR, _INITIAL_ERROR, 0.0, 0.0]
-        self._missing_error = _UNTESTED_ERROR  # what is left of it in those with camera motion
+        self._missing_error = _UNTESTED_ERROR  # that the errors with camera motion lack
         self._speeds = _STANDING  # px per frame: in the frame, in the scene
         self._elapsed = 1  # frames since the last box
         self._step: _Step | None = None
@@ -182,7 +182,7 @@ class TargetPredictor(DeepCopied):
 
     @property
     def error(self) -> float:
-        """Recent error of the best prediction, target sizes; not small before it was tested."""
+        """Recent error of the best prediction, target sizes; .3 before the first frame."""
         still, moving, fixed, moving_in_scene = self._errors
         return min(still, moving, min(fixed, moving_in_scene) + self._missing_error)
 
@@ -227,7 +227,8 @@ class TargetPredictor(DeepCopied):
         """The view that shows the raw-frame `position` where the last view shows the target.
 
         A small step back toward the raw frame keeps the view from drifting away, so that rendered
-        frames still show the area of the raw frame.
+        frames still show the area of the raw frame. The rotation has a limit, because the target
+        may not turn with the scene.
         """
         (x, y), step = position, _MAX_RETURN_STEP * self._size
         last_x, last_y = map_point(self.stab_from_raw, *self._center)

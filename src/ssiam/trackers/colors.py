@@ -36,7 +36,7 @@ _XYZ_FROM_BGR: Final = np.array(
         [0.950227, 0.119193, 0.019334],
     ]
 )  # ITU-R BT.709, white D65
-_WHITE_XYZ: Final = _XYZ_FROM_BGR.sum(axis=1)
+_SHARES_FROM_BGR: Final = _XYZ_FROM_BGR / _XYZ_FROM_BGR.sum(axis=1, keepdims=True)  # of white
 _DARK: Final = (6 / 29) ** 3  # below it the cube root is replaced by its tangent
 
 
@@ -59,8 +59,8 @@ def color_similarity(one: Floats, other: Floats) -> float:
 
 def _a_b(image: Image) -> Image:
     """a* and b* of the pixels, each plus 128: (H, W, 2) uint8."""
-    relative = _LINEAR[image] @ (_XYZ_FROM_BGR / _WHITE_XYZ[:, None]).T
-    roots = np.where(relative > _DARK, np.cbrt(relative), relative * (29 / 6) ** 2 / 3 + 4 / 29)
+    shares = _LINEAR[image] @ _SHARES_FROM_BGR.T
+    roots = np.where(shares > _DARK, np.cbrt(shares), shares * (29 / 6) ** 2 / 3 + 4 / 29)
     x, y, z = np.moveaxis(roots, -1, 0)
     a_b = np.stack([500 * (x - y), 200 * (y - z)], axis=-1)
     return np.asarray(np.rint(a_b + 128), np.uint8)
